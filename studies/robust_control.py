@@ -88,10 +88,10 @@ def numbers_of(results: mr.tuning.TunedStudy, law: mr.tuning.TunedLaw) -> dict[s
     realised, off = both.of_row(0), both.of_row(1)
     values = {"score": realised.scores(off), "peak_drift": realised.over(off)["peak_drift"]}
     return {
-        "training": train.score,
-        "motions": {results.motions[motion].name: results.score_under(row, [motion]) for motion in judged},
+        "training": train.score.mean,
+        "motions": {results.motions[motion].name: results.scores(row)[motion] for motion in judged},
         "peaks": [[each[name] for name in SCORE[:2]] for each in ratios],
-        "ratios": {name: test.criteria[name] for name in SCORE},
+        "ratios": {name: test.criteria[name].mean for name in SCORE},
         "current": max(each["rms_current"] for each in runs),
         "stroke": max(each["peak_stroke"] for each in runs),
         "bands": {

@@ -86,7 +86,7 @@ def test_json_has_laws_and_references_in_one_form(tuned: Path, tmp_path: Path) -
     document = json.loads((tuned / "printed.json").read_text())
     for law in (*document["laws"], *document["references"]):
         assert {"law", "settings", "train", "test", "candidates", "seconds", "certificate"} <= set(law)
-        assert {"score", "criteria", "spread"} <= set(law["test"])
+        assert {"score", "criteria"} <= set(law["test"])
     passive = ["Passive-off", "Optimal passive", "Passive-on"]
     assert [each["label"] for each in document["references"]][:3] == passive
     assert len(document["references"]) == 7

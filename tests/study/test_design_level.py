@@ -51,7 +51,7 @@ def test_laws_and_command_at_every_level_are_those_of_a_study_of_the_design_leve
     # Scores are of that level, so that a collapse at the highest does not hide them; the others stay with the record.
     assert found.judged_motions == (1,)
     assert judged_in_words(found) == "1 motion at 0.3 g"
-    assert [found.score(row) for row in range(4)] == [one.score(row) for row in range(4)]
+    assert [found.score(row).mean for row in range(4)] == [one.score(row).mean for row in range(4)]
     assert found.record_levels.places.tolist() == [[0, 1, 2]]
     assert not [each for each in found.warnings() if "rated to" not in each]
 

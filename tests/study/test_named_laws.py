@@ -70,7 +70,7 @@ def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_pat
         assert fingerprint_of(again) == fingerprint_of(study)
     results = mr.run_study(study, threads=1)
     assert results.quantities.finished.all()
-    assert np.isfinite(results.score(len(results.rows) - 1))
+    assert np.isfinite(results.score(len(results.rows) - 1).mean)
 
 
 def test_a_network_that_is_trained_elsewhere_must_be_given(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_weights_are_the_best_of_the_training_motions(tmp_path: Path) -> None:
     for factor in (1e-4, 1.0, 1e4):
         table = named("clipped_optimal", f"settings = {{ drifts = 1, control_weight = {factor * best!r} }}\n")
         results = mr.run_study(read(tmp_path, training + table).of_use("training"), threads=1)
-        scores[factor] = results.score(len(results.rows) - 1)
+        scores[factor] = results.score(len(results.rows) - 1).mean
     assert min(scores, key=lambda factor: scores[factor]) == 1.0
 
 
@@ -200,7 +200,7 @@ def test_dampers_are_small_where_the_largest_command_is_best_and_more_of_them_re
         assert best is not None
         command = float(results.rows[best].label.split()[-2])
         told = any("so the dampers are small" in each for each in results.warnings())
-        return results.score(best) / results.score(0), command / 1.88, told
+        return results.score(best).mean / results.score(0).mean, command / 1.88, told
 
     few, of_few, told = found(300)
     more, *_ = found(600)

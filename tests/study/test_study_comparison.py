@@ -59,7 +59,7 @@ def test_constant_commands_and_other_devices_are_ranked_apart() -> None:
     ranks = {rank.name: rows for rank, rows in comparison.ranks}
     assert ranks == {"law": (4,), "passive": (3, 1), "other_device": (2,), "uncontrolled": (0,)}
     # Isolation has the lowest score of all, and is no law.
-    assert min(range(5), key=comparison.results.score) == 2
+    assert min(range(5), key=lambda row: comparison.results.score(row).mean) == 2
     assert comparison.leading == 4
     assert comparison.passive == 3
     assert not comparison.lacks_best_passive

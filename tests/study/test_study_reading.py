@@ -228,5 +228,5 @@ def test_the_first_study_runs_without_a_warning_and_its_law_is_worth_it(tmp_path
     assert results.complete
     assert results.warnings() == []
     # The law named alone, the best constant command, i = 0, no dampers.
-    law, constant, off, none = (results.score(row) for row in (4, 2, 1, 0))
+    law, constant, off, none = (results.score(row).mean for row in (4, 2, 1, 0))
     assert law < constant < off < none

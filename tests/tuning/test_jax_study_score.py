@@ -63,7 +63,7 @@ def test_a_study_with_the_law_of_a_point_has_its_score(coordinates: Any, tmp_pat
     text = tuning_samples.study_file(tmp_path, motions=MOTION, tune=law, building=tuning_samples.TWO_STOREYS)
     results = mr.run_study(mr.read_study(text))
     row = next(number for number, each in enumerate(results.rows) if each.label == "found")
-    assert results.score(row) == float(score(point))
+    assert results.score(row).mean == float(score(point))
 
 
 def test_a_point_without_a_law_has_no_settings() -> None:

@@ -100,7 +100,7 @@ def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path:
     (row,) = (number for number, each in enumerate(runs.rows) if each.label == results.laws[0].label)
     judged = judge(study, results, threads=1).judgement(results.laws[0], "test")
     assert judged is not None
-    assert runs.score(row) == pytest.approx(judged.score, rel=1e-6)
+    assert runs.score(row).mean == pytest.approx(judged.score.mean, rel=1e-6)
     best = next(each for each in results.references if each.label == "Optimal passive")
     assert best.settings["command"] == pytest.approx(results.places[0].command)
 

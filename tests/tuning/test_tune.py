@@ -63,9 +63,9 @@ def test_the_study_finds_the_objective_again_and_judges_on_motions_that_the_tuni
         train, test = judged.judgement(law, "training"), judged.judgement(law, "test")
         assert train is not None
         assert test is not None
-        assert train.score == train.objective == pytest.approx(law.least, rel=1e-12)
+        assert train.score.mean == train.objective == pytest.approx(law.least, rel=1e-12)
         assert test.score == judged.score(judged.row_of_law(law))  # type: ignore[arg-type] # it has a row
-        assert test.spread["score"].motions == 2
+        assert test.score.motions == 2
 
 
 def test_the_references_begin_with_the_dampers_at_zero_command(results: TuningResults) -> None:
@@ -83,7 +83,7 @@ def test_the_best_constant_command_is_that_of_the_study(results: TuningResults) 
         found = judge(study, results, threads=1)
         row = found.row_of("best_passive")
         assert row is not None
-        assert found.score_under(row, found.motions_of("training")) == pytest.approx(best.least, rel=1e-12)
+        assert found.score(row, found.motions_of("training")).mean == pytest.approx(best.least, rel=1e-12)
 
 
 def test_threads_change_no_bit(study: mr.Study, results: TuningResults) -> None:
@@ -183,9 +183,9 @@ def test_a_limit_that_holds_is_kept(
 def test_laws_are_compared_by_the_score_of_a_study_whatever_they_minimise() -> None:
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\ncriteria = { peak_acceleration = 2, peak_drift = 1 }\n'
     found = tuning_samples.judgement(tuning_samples.tuned(text), tuning_samples.small_study())
-    ratios = [found.criteria[name] for name in SCORE]
-    assert found.score == pytest.approx(sum(ratios) / 4)
-    weighted = 2.0 * found.criteria["peak_acceleration"] + found.criteria["peak_drift"]
+    ratios = [found.criteria[name].mean for name in SCORE]
+    assert found.score.mean == pytest.approx(sum(ratios) / 4)
+    weighted = 2.0 * found.criteria["peak_acceleration"].mean + found.criteria["peak_drift"].mean
     assert found.objective == pytest.approx(weighted / 3.0)
 
 

@@ -45,7 +45,7 @@ def test_a_point_of_a_front_is_a_row_that_is_simulated_as_it_was_tuned(
     assert results.ratios(places[front.label], training, "passive_off")["peak_drift"] == pytest.approx(
         point.train["peak_drift"], rel=1e-9
     )
-    assert results.score_under(places["chosen"], [training]) == pytest.approx(law.least, rel=1e-9)
+    assert results.score(places["chosen"], [training]).mean == pytest.approx(law.least, rel=1e-9)
 
 
 def test_objectives_and_settings_have_the_law_and_the_study_judges_each_point(

@@ -158,7 +158,7 @@ class Comparison(Summarised):
             return ""
         rank, rows = next((rank, rows) for rank, rows in self.ranks if self.leading in rows)
         parts = [self.results.rows[self.leading].label]
-        if len(rows) > 1 and math.isfinite(self.results.score(self.leading)):
+        if len(rows) > 1 and math.isfinite(self.results.score(self.leading).mean):
             parts.append(f"lowest score of {len(rows)} {small_first(rank.title)}")
         if len(self.results.judged_motions) > 1:
             parts.append(f"mean changes over {judged_in_words(self.results)}")
@@ -271,7 +271,7 @@ def is_tied(results: StudyResults, row: int, reference: int) -> bool:
 def _scores(results: StudyResults, row: int) -> list[float]:
     """Scores of a row under each record, at all its levels together, which are no evidence of their own."""
     places, judged = results.record_levels.places, results.judged_motions
-    return [results.score_under(row, tuple(motions[np.isin(motions, judged)].tolist())) for motions in places]
+    return [results.score(row, tuple(motions[np.isin(motions, judged)].tolist())).mean for motions in places]
 
 
 def _ties(comparison: Comparison) -> tuple[str, ...]:
@@ -291,7 +291,7 @@ def _ties(comparison: Comparison) -> tuple[str, ...]:
 @checked
 def compared(results: StudyResults) -> Comparison:
     """The comparison of the rows of a study."""
-    scores = [results.score(row) for row in range(len(results.rows))]
+    scores = [results.score(row).mean for row in range(len(results.rows))]
     # The best constant command comes before one that is the same by another name.
     best = results.row_of("best_passive")
     order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row != best))

@@ -34,10 +34,11 @@ def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[Verdict]:
     for index, (rank, rows) in enumerate(first.ranks):
         if len(rows) > 1:
             leaders = [comparison.ranks[index][1][0] for comparison in comparisons]
+            leading = zip(comparisons, leaders, strict=True)
             yield Verdict(
                 subject=f"lowest score of {rank.title}",
                 answers=tuple(labels[row] for row in leaders),
-                values=tuple(each.results.score(row) for each, row in zip(comparisons, leaders, strict=True)),
+                values=tuple(each.results.score(row).mean for each, row in leading),
             )
     titles, row = ("the building without dampers", "the best passive damper"), first.leading
     for title, references in zip(
@@ -46,7 +47,9 @@ def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[Verdict]:
         if row is None or row in references:
             continue
         pairs = [*zip(comparisons, references, strict=True)]
-        changes = {"score": [each.results.score(row) - each.results.score(other) for each, other in pairs]}
+        changes = {
+            "score": [each.results.score(row).mean - each.results.score(other).mean for each, other in pairs]
+        }
         for entry in compared_quantities():
             changes[entry.title] = [each.tables[row, other][entry.name].mean for each, other in pairs]
         for name, values in changes.items():

@@ -50,7 +50,7 @@ def _describe_changes(comparison: Comparison) -> Iterator[dict[str, Any]]:
                 "kind": results.rows[row].kind,
                 "rank": rank.name,
                 "place": position,
-                "score": results.score(row),
+                "score": results.score(row).mean,
             }
             references = {"uncontrolled": comparison.uncontrolled, "best_passive": comparison.passive}
             for key, reference in references.items():
@@ -197,8 +197,8 @@ def _summary(results: StudyResults) -> dict[str, Any]:
             if demands
         ],
         "complete": results.complete,
-        "scores": {row.label: results.score(number) for number, row in rows},
-        "spreads": {row.label: asdict(results.spread(number)) for number, row in rows},
+        "scores": {row.label: results.score(number).mean for number, row in rows},
+        "spreads": {row.label: asdict(results.score(number)) for number, row in rows},
         "warnings": tuple(results.warnings()),
         "best_passive": None if passive is None else labels[passive],
         "judged_on": judged_in_words(results),
@@ -206,7 +206,7 @@ def _summary(results: StudyResults) -> dict[str, Any]:
             {
                 "name": name,
                 "motions": [results.motions[motion].name for motion in motions],
-                "scores": {row.label: results.score_under(number, motions) for number, row in rows},
+                "scores": {row.label: results.score(number, motions).mean for number, row in rows},
             }
             for name, motions in motion_groups(results).items()
         ],

@@ -524,16 +524,6 @@ class StudyResults(Plotted, Summarised):
         return self.criteria_of_runs.part(realisations=slice(1))
 
     @arguments.checked
-    def score(self, row: int) -> float:
-        """Mean over `judged_motions` of the criteria over i = 0; NaN unless all these runs finished."""
-        return self.score_under(row, self.judged_motions)
-
-    @arguments.checked
-    def score_under(self, row: int, motions: Sequence[int]) -> float:
-        """The score of a row under some motions, by their indices; NaN unless all these runs finished."""
-        return float(np.mean(self.scores(row)[list(motions)])) if motions else math.nan
-
-    @arguments.checked
     def scores(self, row: int) -> Floats:
         """Score of a row under each motion, shape (n_motions,); NaN where a run did not finish."""
         reference, nominal = self.row_of("passive_off"), self._nominal
@@ -542,8 +532,11 @@ class StudyResults(Plotted, Summarised):
         return np.asarray(nominal.of_row(row).scores(nominal.of_row(reference))[0, :, 0])
 
     @arguments.checked
-    def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
-        """Spread of the scores of a row under single motions, by default the `judged_motions`."""
+    def score(self, row: int, motions: Sequence[int] | None = None) -> Spread:
+        """Mean and spread of the scores of a row under motions, by their indices, by default the `judged_motions`.
+
+        They are NaN unless all these runs finished.
+        """
         chosen = self.judged_motions if motions is None else motions
         return Spread.of(self.scores(row)[list(chosen)].tolist())
 

@@ -201,7 +201,7 @@ def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
     table = Table(
         label=f"Score (peak and RMS drift and acceleration over i = 0), mean over {judged_in_words(results)}",
         columns=("", "Score"),
-        rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
+        rows=tuple((results.rows[row].label, format_fixed(results.score(row).mean, 3)) for row in rows),
         headings=rank_headings(comparison, rows),
     )
     if len(results.judged_motions) < 2:
@@ -214,7 +214,7 @@ def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
             (
                 *cells,
                 # Without the number of motions, and the mean, which is the score.
-                *(format_fixed(number, 3) for number in astuple(results.spread(row))[2:]),
+                *(format_fixed(number, 3) for number in astuple(results.score(row))[2:]),
                 *(better(row, names) for names in (BOTH[:1], BOTH[1:], BOTH)),
             )
             for row, cells in zip(rows, table.rows, strict=True)
@@ -236,7 +236,7 @@ def group_table(results: StudyResults, rows: Sequence[int]) -> Table:
             *(
                 (
                     results.rows[row].label,
-                    *(format_fixed(results.score_under(row, motions), 3) for motions in groups.values()),
+                    *(format_fixed(results.score(row, motions).mean, 3) for motions in groups.values()),
                 )
                 for row in rows
             ),
@@ -283,7 +283,7 @@ def _tables(comparison: Comparison) -> Iterator[Table]:
     elif begun:
         yield value_table(results, results.judged_motions, begun)
     ranked = [row for _, ranked in comparison.ranks for row in ranked]
-    if any(math.isfinite(results.score(row)) for row in rows):
+    if any(math.isfinite(results.score(row).mean) for row in rows):
         yield spread_table(comparison, [row for row in ranked if row in begun])
         if motion_groups(results):
             yield group_table(results, ranked)

@@ -110,6 +110,6 @@ def _scores_csv(results: TunedStudy) -> str:
             continue
         for motion, facts in enumerate(results.motions):
             ratios = results.ratios(row, motion, "passive_off")
-            numbers = (results.score_under(row, (motion,)), *(ratios[name] for name in names))
+            numbers = (results.scores(row)[motion], *(ratios[name] for name in names))
             lines.append([law.label, facts.use, facts.name, *(f"{number:.9g}" for number in numbers)])
     return csv_text(lines)

@@ -37,14 +37,12 @@ TRAINING_ONLY = (
 class Judgement:
     """What a law is worth under some motions, of the nominal study.
 
-    `score` is the study's, whatever was minimised, `criteria` are mean ratios of the criteria to i = 0, and `spread`
-    says how far score and ratios differ between single motions. `objective` and `violation` are what the tuning has
-    minimised, with its risk, and over the realisations where it is robust.
+    `score` is the study's, whatever was minimised, and `criteria` are ratios of the criteria to i = 0. `objective` and
+    `violation` are what the tuning has minimised, with its risk, and over the realisations where it is robust.
     """
 
-    score: float
-    criteria: dict[str, float]
-    spread: dict[str, Spread]
+    score: Spread
+    criteria: dict[str, Spread]
     objective: float
     violation: float
 
@@ -80,15 +78,13 @@ class TunedStudy(StudyResults):
         if not motions or not self.quantities.done[row, list(motions), 0].all():
             return None
         ratios, names = self.ratios_over(off), [entry.name for entry in criteria() if entry.ratio]
-        spread = {name: Spread.of(ratios[name][row, list(motions)].tolist()) for name in names}
         robust = law.robust and self.n_realisations
         realisations = slice(-self.n_realisations, None) if robust else slice(1)
         runs = self.criteria_of_runs.part([row, against], list(motions), realisations)
         scores = law.objective.scores(runs.of_row(0), {relative_to: runs.of_row(1)})
         return Judgement(
-            score=self.score_under(row, motions),
-            criteria={name: ratio.mean for name, ratio in spread.items()},
-            spread={"score": self.spread(row, motions), **spread},
+            score=self.score(row, motions),
+            criteria={name: Spread.of(ratios[name][row, list(motions)].tolist()) for name in names},
             objective=float(scores.objective[0]),
             violation=float(scores.violation[0]),
         )
@@ -112,7 +108,7 @@ class TunedStudy(StudyResults):
                     f"{significant(100.0 * judged.violation, 2)} % of the limits in all on the test motions."
                 )
             rows = {each.label: self.row_of_law(each) for each in (law, *self.tuned.references)}
-            scores = {label: self.score(row) for label, row in rows.items() if row is not None}
+            scores = {label: self.score(row).mean for label, row in rows.items() if row is not None}
             own = scores.get(law.label, math.nan)
             lower = {label: score for label, score in scores.items() if score < own}
             if lower:
@@ -157,7 +153,7 @@ def judge(
     >>> import mrwork as mr
     >>> study = mr.read_study("study.toml")  # doctest: +SKIP
     >>> results = mr.tuning.judge(study, mr.tune(study))  # doctest: +SKIP
-    >>> results.judgement(results.tuned.laws[0], "test").score  # doctest: +SKIP
+    >>> results.judgement(results.tuned.laws[0], "test").score.mean  # doctest: +SKIP
     0.655
     """
     wider = with_tuned_rows(study, tuned)

@@ -188,7 +188,7 @@ def device_section(
 def spread_section(comparison: Comparison, shown: ShownRows, of_row: Sequence[Stroke]) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
     results, judged = comparison.results, judged_in_words(comparison.results)
-    scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]
+    scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row).mean)]
     rows = [row for row in scored if row in shown.listed]
     drawn = [row for row in scored if row in shown.drawn]
     if len(results.judged_motions) < 2 or not rows:
@@ -212,8 +212,8 @@ def spread_section(comparison: Comparison, shown: ShownRows, of_row: Sequence[St
     if motion_groups(results):
         groups.append(Group(title="Score under groups of motions", table=group_table(results, rows)))
     summary = ""
-    if comparison.leading is not None and math.isfinite(results.score(comparison.leading)):
-        spread = results.spread(comparison.leading)
+    if comparison.leading is not None and math.isfinite(results.score(comparison.leading).mean):
+        spread = results.score(comparison.leading)
         mean, least, most = (format_fixed(value, 3) for value in (spread.mean, spread.least, spread.most))
         leading = results.rows[comparison.leading].label
         summary = f"the score of {leading} is {mean}, under single motions {least} to {most}."
@@ -226,11 +226,10 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
     figure, axes = canvas.column_axes(left=canvas.room_for(names), top=0.15, height=0.8 + 0.26 * len(names))
     for height, row in enumerate(reversed(rows)):
         colour = of_row[row].colour
-        for motion in range(len(results.motions)):
+        for motion, score in enumerate(results.scores(row)):
             fill = colour if motion in results.judged_motions else "none"
-            score = results.score_under(row, (motion,))
             axes.plot(score, height, "o", color=colour, markersize=3.6, markerfacecolor=fill, alpha=0.75)
-        median = results.spread(row).median
+        median = results.score(row).median
         axes.plot([median, median], [height - 0.34, height + 0.34], color=style.INK, linewidth=1.3)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.6, len(names) - 0.4)

@@ -178,7 +178,7 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
         return (
             _line(of_row[row], row) + Markup(" {}").format(short(results.rows[row].label, 34)),
             verdict(comparison, row) if row in laws else others.get(row, ""),
-            format_fixed(results.score(row), 3),
+            format_fixed(results.score(row).mean, 3),
             *([significant(100.0 * peaks[row], 3)] if has_ratios else []),
             *(
                 NOTHING if row == reference else signed_percent(comparison.tables[row, reference][name].mean)

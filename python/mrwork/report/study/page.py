@@ -208,7 +208,7 @@ def _objective_table(results: TunedStudy) -> Table:
     def cells(law: TunedLaw) -> Iterator[str]:
         for use in ("training", "test"):
             judged = results.judgement(law, use)
-            objective, score = (None, None) if judged is None else (judged.objective, judged.score)
+            objective, score = (None, None) if judged is None else (judged.objective, judged.score.mean)
             yield format_fixed(objective if results.tuned.is_comparable(law) else None, 3)
             yield format_fixed(score, 3)
 
