@@ -161,7 +161,7 @@ def motion_calls(files: Path) -> Calls:
             target.acceleration,
             motions.ShakeTable().demand,
         ),
-        *(motions.baseline_corrected, motions.resampled_band_limited, motions.scaled, motions.scaled_to_peak),
+        *(motions.baseline_corrected, motions.scaled, motions.scaled_to_peak),
         *(motions.time_scaled, motions.trimmed, motions.sine, motions.near_fault_pulse),
         *(motions.resampled, motions.ShakeTable().driven),
     )
@@ -223,7 +223,6 @@ def damper_design_calls(_: Path) -> Calls:
     yield call(_WISHES.missed, design=large)
     values = {"wishes": _WISHES, "fluid": _FLUID, "steel": _STEEL, "rng": 0, "on_progress": _continue}
     yield from calls_with({**values, "search": "differential_evolution", "budget": 60}, design.size_damper)
-    yield call(design.size_front, wishes=_WISHES, fluid=_FLUID, steel=_STEEL, population=12, budget=60)
 
 
 ROOMS = (damper_calls, simulation_calls, record_calls, motion_calls, material_calls, damper_design_calls)

@@ -153,7 +153,6 @@ def search_calls(_: Path) -> Calls:
     yield call(
         search.run_search, optimiser=_SPHERE, objective=_sphere, rng=0, n_params=2, seconds=5.0, until=0.1
     )
-    yield call(search.misfit_under_constraints, columns=np.array([[1.0, -1.0], [2.0, 1.0]]))
     rules = {
         **{"target": 0.1, "max_generations": 3, "max_evaluations": 100, "spread_tolerance": 1e-6},
         **{"confidence": 0.9, "floor_share": 0.1, "stall_generations": 3, "stall_tolerance": 0.01},
