@@ -109,14 +109,10 @@ def posterior_band(spec, draws, chosen, noise, test, samples, force, stream):
     """Band of a noise model on samples of a test; noise parameters refer to the deviation of a measured force."""
     forces = mr.simulate(spec, draws.theta[chosen], test, threads=script.threads)
     simulated = np.isfinite(forces).all(axis=1)
-    return mr.uncertainty.noise_band(
-        forces[simulated][:, samples],
-        draws.noise[chosen][simulated],
-        noise,
-        LEVEL,
-        deviation=float(np.std(force)),
-        rng=stream,
-    )
+    forces = forces[simulated][:, samples]
+    forces = forces + np.std(force) * noise.draw(forces.shape[1], draws.noise[chosen][simulated], stream)
+    lower, upper = np.quantile(forces, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL], axis=0)
+    return mr.uncertainty.Band(level=LEVEL, lower=lower, upper=upper, basis="draws and noise")
 
 
 def noise_scores(current: str, name: str) -> list[list[float]]:

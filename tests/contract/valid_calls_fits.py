@@ -124,17 +124,15 @@ def uncertainty_calls(folder: Path) -> Calls:
     yield call(uncertainty.predict_left_out, fold="test", **left_out)
     yield call(uncertainty.predict_beyond, **left_out)
     yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen", beyond=[_prediction()])
-    yield call(uncertainty.Band, kind="prediction", level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a")
+    yield call(uncertainty.Band, level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a")
     values = {
         **{
             "band": uncertainty.Band.about(np.zeros(9), 1.0, level=0.9),
             "measured": np.linspace(-2.0, 2.0, 9),
         },
-        **{"per": 2.0, "forces": np.ones((5, 9)), "level": 0.9, "noise_draws": np.full((5, 1), 0.1)},
-        **{"noise": uncertainty.noise_model("iid"), "deviation": 1.0},
-        "rng": np.random.default_rng(0),
+        "per": 2.0,
     }
-    yield from calls_with(values, uncertainty.score, uncertainty.parameter_band, uncertainty.noise_band)
+    yield from calls_with(values, uncertainty.score)
     values = {
         **{"fit": fit, "tests": test, "level": 0.9, "threads": 1, "rng": 0, "draws": small_draws()},
         **{"candidates": [uncertainty.Candidate(amplitude=0.01, frequency=1.0)], "band": "force"},

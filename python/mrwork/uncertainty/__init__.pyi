@@ -1,6 +1,4 @@
 from .bands.band import Band as Band
-from .bands.band import noise_band as noise_band
-from .bands.band import parameter_band as parameter_band
 from .bands.band import score as score
 from .bands.conformal import Calibration as Calibration
 from .bands.conformal import calibrate as calibrate
