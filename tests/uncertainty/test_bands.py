@@ -318,7 +318,7 @@ def test_no_fit_sees_the_tests_it_predicts(fold: Fold, left_in: list[int], some_
 
     found = predict_left_out(tests, fold, identify_rest)
     assert [len(names) for names in seen] == left_in
-    assert [prediction.test.name for prediction in found.predictions] == [test.name for test in tests]
+    assert [prediction.test.name for prediction in found] == [test.name for test in tests]
     for test in tests:
         assert sum(test.name not in names for names in seen) == 1
 
