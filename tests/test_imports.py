@@ -37,7 +37,6 @@ HOMES = {
     ("matplotlib",): ("plots", "report"),
     ("fontTools", "jinja2"): ("report",),
     ("cvxpy", "clarabel"): ("control.weights",),
-    ("shtab",): ("cli.completion",),
 }
 
 TESTS = """
