@@ -201,7 +201,7 @@ def material_calls(_: Path) -> Calls:
     yield call(_circuit().ampere_turns, field=np.array([0.0, 1e5]))
     currents = {"current": np.array([0.0, 1.0])}
     yield from calls_with(currents, _circuit().field, _circuit().flux, _circuit().inductance)
-    yield call(_circuit().rise_time, current=1.0, resistance=7.0, supply=20.0, share=0.5)
+    yield call(_circuit().rise_time, current=1.0, resistance=7.0, supply=20.0)
 
 
 def damper_design_calls(_: Path) -> Calls:
@@ -211,7 +211,7 @@ def damper_design_calls(_: Path) -> Calls:
     yield call(large.force, velocity=np.array([-0.1, 0.0, 0.1]), current=1.0, flow_model="plates")
     yield from calls_with({"current": np.array([0.0, 1.0])}, large.yield_stress, large.inductance)
     yield call(large.response_time, supply=100.0)
-    yield call(large.as_model, supply=100.0, transition=0.01)
+    yield call(large.as_model, supply=100.0)
     further = {
         "response_time": 1.0,
         "current_density": 4e6,
