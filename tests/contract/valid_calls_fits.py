@@ -140,7 +140,7 @@ def uncertainty_calls(folder: Path) -> Calls:
         "priors": {fit.estimates[0].name: uncertainty.Lognormal(median=1000.0, deviation=1.0)},
     }
     yield from calls_with(values, mr.plan, mr.sample)
-    data = {"most_draws": 16}
+    data = {"pointwise": "blocks", "most_draws": 16}
     yield from calls_with(values | data, uncertainty.inference_data)
     yield call(uncertainty.convergence, chains=np.random.default_rng(0).standard_normal((4, 40)))
 

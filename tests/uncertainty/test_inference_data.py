@@ -40,31 +40,43 @@ def test_every_group_is_there_and_every_variable_has_a_unit(draws: uncertainty.D
     assert tree["posterior"]["k_w"].size <= 1000
 
 
-def test_leave_one_out_runs_on_it_and_is_finite(draws: uncertainty.Draws) -> None:
+@pytest.mark.parametrize("pointwise", ["blocks", "samples"])
+def test_leave_one_out_runs_on_it_and_is_finite(draws: uncertainty.Draws, pointwise: str) -> None:
     # Of the extra `arviz`.
     arviz_stats = pytest.importorskip("arviz_stats.loo")
     with warnings.catch_warnings():
         # The record is one block, whose density is all that there is.
-        warnings.simplefilter("ignore")
-        found = arviz_stats.loo(tree_of(draws), pointwise=True)
+        warnings.simplefilter("ignore" if pointwise == "blocks" else "error")
+        found = arviz_stats.loo(tree_of(draws, pointwise=pointwise), pointwise=True)
     assert np.isfinite(found.elpd)
     assert np.isfinite(found.se)
     assert np.isfinite(np.asarray(found.elpd_i)).all()
+    if pointwise == "samples":
+        # White noise of the right model: the density of a normal residual, less one unit for each of five parameters
+        # at most.
+        test = small_test()
+        sigma = NOISE_N / float(np.std(test.force[test.counted]))
+        expected = test.n_counted * (-0.5 - np.log(sigma) - 0.5 * np.log(2.0 * np.pi))
+        assert found.elpd == pytest.approx(expected, abs=4.0 * np.sqrt(0.5 * test.n_counted))
+        assert 2.0 < found.p < 8.0
 
 
-def test_blocks_have_the_likelihood_that_was_sampled(draws: uncertainty.Draws) -> None:
+def test_blocks_and_samples_have_the_likelihood_that_was_sampled(draws: uncertainty.Draws) -> None:
+    tempered = replace(draws, temper=0.25)
     sums = [
-        tree_of(each)["log_likelihood"]["force"].values.sum(axis=-1)
-        for each in (draws, replace(draws, temper=0.25))
+        tree_of(each, pointwise=pointwise)["log_likelihood"]["force"].values.sum(axis=-1)
+        for each in (draws, tempered)
+        for pointwise in ("blocks", "samples")
     ]
-    np.testing.assert_allclose(sums[1], 0.25 * sums[0], rtol=1e-10)
+    for other, factor in ((sums[1], 1.0), (sums[2], 0.25), (sums[3], 0.25)):
+        np.testing.assert_allclose(other, factor * sums[0], rtol=1e-10)
     # The prior is uniform in the coordinates: what is left of the log posterior is the likelihood.
     lp = tree_of(draws)["sample_stats"]["lp"].values
     assert np.ptp(lp - sums[0]) < 1e-6
 
 
 def test_correlated_noise_has_finite_densities_and_predictions() -> None:
-    tree = tree_of(small_draws("ar1"), most_draws=32)
+    tree = tree_of(small_draws("ar1"), most_draws=32, pointwise="samples")
     assert np.isfinite(tree["log_likelihood"]["force"].values).all()
     assert np.isfinite(tree["posterior_predictive"]["small"].values).all()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from mrwork.uncertainty.posterior.target import Target
 if TYPE_CHECKING:
     from xarray import DataTree
 
+Pointwise = Literal["blocks", "samples"]
+
 
 @checked
 def inference_data(
@@ -35,6 +37,7 @@ def inference_data(
     fit: Fit,
     tests: DamperTest | Sequence[DamperTest],
     *,
+    pointwise: Pointwise = "samples",
     most_draws: Count = 1000,
     rng: Seed = 0,
     threads: Threads = 0,
@@ -46,9 +49,12 @@ def inference_data(
 
     `log_likelihood` has the one variable `force`. Its entries are densities under the noise model of the draws, in
     deviations of each test's force, times `temper`, as they were sampled: where residuals are correlated, the sum over
-    all samples counts for as many as are effective. They are of blocks of whole cycles, longer than the autocorrelation
-    time of the residuals at the fit, which are nearly independent; single samples are not. A record has few, and ArviZ
-    then warns of heavy tails. `choose_model` compares models by tests that are left out.
+    all samples counts for as many as are effective. Leave-one-out over single samples takes these as independent given
+    the parameters, also under "iid" noise. Residuals of real tests are not: its elpd tells interpolation between
+    neighbours, and is too good, with too small an error. Under "ar1" noise each density is given the earlier residual,
+    and is of the next sample. Densities of "blocks" are of whole cycles, longer than the autocorrelation time of the
+    residuals at the fit, which are nearly independent; a record has few, and ArviZ then warns of heavy tails.
+    `choose_model` compares models by tests that are left out.
 
     `posterior_predictive` has the recorded force with noise [N], of the samples that are compared. As in `sample`,
     every test has its own deviation; the weights of tests in the search do not enter.
@@ -59,6 +65,8 @@ def inference_data(
         Draws of `sample`.
     fit, tests
         The fit and the tests that were sampled.
+    pointwise
+        Whether densities are of blocks or of single samples.
     most_draws
         Largest number of draws, of which evenly spaced ones are kept, of every walker.
     rng
@@ -100,7 +108,7 @@ def inference_data(
     ]
     tree = thinned.as_datatree()
     tree["sample_stats"]["lp"].attrs |= {"units": "1", "long_name": "log posterior, up to a constant"}
-    shape = thinned.densities.shape
+    shape, axis = thinned.densities.shape, pointwise.removesuffix("s")
     chains = {"chain": NamedArray.of(range(shape[0])), "draw": NamedArray.of(range(shape[1]))}
     densities, test_of, starts = list[Floats](), list[str](), list[float]()
     times, measured, predicted = (dict[str, NamedArray]() for _ in range(3))
@@ -118,9 +126,12 @@ def inference_data(
         time = test.test.time[test.counted]
         density = target.temper * noise.log_densities(residual, thinned.noise)
         density[failed] = -np.inf
-        firsts = _starts_of_blocks(test.test, autocorrelation_time(at_fit[0]))
-        blocks = pairwise([*firsts, time.size])
-        densities.append(np.stack([density[:, first:last].sum(axis=1) for first, last in blocks], axis=1))
+        firsts: Sequence[int] = range(time.size)
+        if pointwise == "blocks":
+            firsts = _starts_of_blocks(test.test, autocorrelation_time(at_fit[0]))
+            blocks = pairwise([*firsts, time.size])
+            density = np.stack([density[:, first:last].sum(axis=1) for first, last in blocks], axis=1)
+        densities.append(density)
         test_of += [label] * len(firsts)
         starts += time[firsts].tolist()
         noisy = residual + noise.draw(time.size, thinned.noise, stream)
@@ -131,17 +142,17 @@ def inference_data(
         predicted[label] = NamedArray.of(
             force, *chains, time_axis, unit="N", long_name="force of the model with noise"
         )
-    words = f"log density of the force of each block in its deviations, times {draws.temper:g}"
+    words = f"log density of the force of each {axis} in its deviations, times {draws.temper:g}"
     density = np.concatenate(densities, axis=1).reshape(*shape, -1)
     groups = {
         "log_likelihood": NamedArrays(
-            title=f"Log density of each block, times {draws.temper:g}",
+            title=f"Log density of each {axis}, times {draws.temper:g}",
             rows=(*chains,),
-            labels=chains | {"block": NamedArray.of(range(len(test_of)))},
-            arrays={"force": NamedArray.of(density, *chains, "block", unit="1", long_name=words)},
+            labels=chains | {axis: NamedArray.of(range(len(test_of)))},
+            arrays={"force": NamedArray.of(density, *chains, axis, unit="1", long_name=words)},
             along={
-                "test": NamedArray.of(test_of, "block", long_name="test"),
-                "start": NamedArray.of(starts, "block", unit="s", long_name="first instant of the block"),
+                "test": NamedArray.of(test_of, axis, long_name="test"),
+                "start": NamedArray.of(starts, axis, unit="s", long_name=f"first instant of the {axis}"),
             },
         ),
         "observed_data": NamedArrays(
