@@ -37,6 +37,7 @@ HOMES = {
     ("matplotlib",): ("plots", "report"),
     ("fontTools", "jinja2"): ("report",),
     ("cvxpy", "clarabel"): ("control.weights",),
+    ("shtab",): ("cli.completion",),
 }
 
 TESTS = """

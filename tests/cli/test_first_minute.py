@@ -1,4 +1,4 @@
-"""The first minute of somebody who has only the wheel: tour, demo, samples, help, misspelt words."""
+"""The first minute of somebody who has only the wheel: tour, demo, samples, help, misspelt words, completion."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from pathlib import Path
 import pytest
 from command_line import mrwork
 from sentences import Refused
-from verb_folders import COMMANDS
 
 from mrwork.cli.command_parser import examples_in
+from mrwork.cli.completion import subcommands
 from mrwork.cli.door import TOUR, verbs, whole_parser
 from mrwork.records import read_test_table
 
 # Each verb draws its page here.
 pytestmark = pytest.mark.usefixtures("pages")
 ROOT = Path(__file__).parent.parent.parent
+COMMANDS = subcommands(whole_parser())
 EXAMPLES = [(verb, line) for verb, command in COMMANDS.items() for line in examples_in(command.epilog)]
 # What the examples of other verbs stand on, in the order in which a newcomer runs it.
 PREPARED = (
@@ -184,3 +185,24 @@ def test_a_misspelt_word_is_one_sentence_that_names_the_nearest(
     words: tuple[str, ...], refused: Refused
 ) -> None:
     refused.command(*words)
+
+
+# Completion
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_completion_has_every_verb_and_option_and_the_names(shell: str) -> None:
+    script = mrwork("completion", shell).stdout
+    for verb, command in COMMANDS.items():
+        assert verb in script
+        for option in command._option_string_actions:
+            assert option.lstrip("-") in script, (verb, option)
+    for name in (
+        "normalised_modified_bouc_wen",
+        "k_w=quadratic",
+        "differential_evolution",
+        "clipped_optimal",
+    ):
+        assert name in script
+    document = json.loads(mrwork("completion", shell, "--json").stdout)
+    assert document == {"shell": shell, "script": script.removesuffix("\n")}

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 import tuning_samples
 from command_line import printed
 
-from mrwork.cli.command_parser import CommandParser
+from mrwork.cli.completion import subcommands
 from mrwork.cli.door import whole_parser
 
-(_VERBS,) = (action for action in whole_parser()._actions if isinstance(action, argparse._SubParsersAction))
-COMMANDS: dict[str, CommandParser] = dict(_VERBS.choices)
-"""The parser of each verb, by its name."""
+COMMANDS = subcommands(whole_parser())
 RECORD = ("synthetic:spencer1997", "--every", 40)
 FIXED = ("--model", "static_hysteretic", "--fix", "x_s=1e-4")
 

@@ -35,6 +35,7 @@ _VERBS = {
     "convert": "convert Bouc-Wen parameters between conventions",
     "export": "write a run for MATLAB or OpenSees, or as a table",
     "cite": "print what to cite for a run, as BibTeX",
+    "completion": "print the completion of commands for a shell",
 }
 
 
@@ -88,7 +89,8 @@ Try in an empty folder:
 
 Each writes a page, report.html, and says where it lies.
 mrwork --help lists all verbs, mrwork VERB --help has the
-options of one with examples, mrwork models the damper models."""
+options of one with examples, mrwork models the damper models.
+mrwork completion SHELL completes commands in bash, zsh, fish."""
 
 
 def _show_tour(options: argparse.Namespace) -> int:
