@@ -36,6 +36,7 @@ HOMES = {
     ("python_calamine",): ("store.members",),
     ("matplotlib",): ("plots", "report"),
     ("fontTools", "jinja2"): ("report",),
+    ("ipywidgets",): ("plots.explore",),
     ("cvxpy", "clarabel"): ("control.weights",),
     ("shtab",): ("cli.completion",),
 }

@@ -45,6 +45,7 @@ from .motions.read import read_motion as read_motion
 from .motions.read import read_motions as read_motions
 from .motions.spectrum import response_spectrum as response_spectrum
 from .motions.synthetic import synthetic_motion as synthetic_motion
+from .plots.explore import explore as explore
 from .records.damper_test import DamperTest as DamperTest
 from .records.read import read_damper_test as read_damper_test
 from .records.read import read_damper_tests as read_damper_tests

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -339,6 +340,32 @@ def _largest(values: Floats) -> float:
 _CYCLES, _PER_CYCLE = 3, 1000
 
 
+def nominal_test(
+    spec: DamperSpec, *, amplitude: float, frequency: float, per_cycle: int, command: float = 0.0
+) -> DamperTest:
+    """The nominal force under a sinusoid [m, Hz], at this command where the model takes one."""
+    unit = spec.command_unit
+    level = None if unit is None else command
+    loading = sinusoid(
+        amplitude,
+        2.0 * np.pi * frequency * amplitude,
+        cycles=_CYCLES,
+        per_cycle=per_cycle,
+        command=level,
+        command_unit=unit,
+    )
+    test = test_from_arrays(
+        loading.dt * np.arange(len(loading.displacement)),
+        loading.displacement,
+        simulate_force(spec, spec.nominal, loading),
+        velocity=loading.velocity,
+        name="nominal",
+        command=level,
+        command_unit=unit,
+    )
+    return replace(test, synthetic=True)
+
+
 @style.drawn_in_style()
 def nominal_loops(
     spec: DamperSpec,
@@ -353,24 +380,7 @@ def nominal_loops(
     amplitude, frequency
         Of the motion of the figure.
     """
-    command = None if spec.command_unit is None else 0.0
-    loading = sinusoid(
-        amplitude,
-        2.0 * np.pi * frequency * amplitude,
-        cycles=_CYCLES,
-        per_cycle=_PER_CYCLE,
-        command=command,
-        command_unit=spec.command_unit,
-    )
-    whole = test_from_arrays(
-        loading.dt * np.arange(len(loading.displacement)),
-        loading.displacement,
-        simulate_force(spec, spec.nominal, loading),
-        velocity=loading.velocity,
-        name="nominal",
-        command=command,
-        command_unit=spec.command_unit,
-    )
+    whole = nominal_test(spec, amplitude=amplitude, frequency=frequency, per_cycle=_PER_CYCLE)
     test = whole.part(whole.n_time - _PER_CYCLE - 1, whole.n_time)
     unit = style.force_unit(float(np.abs(test.force).max()))
     figure, panels = canvas.grid_of_axes(2, 2, canvas.SMALL)
