@@ -109,14 +109,10 @@ def posterior_band(spec, draws, chosen, noise, test, samples, force, stream):
     """Band of a noise model on samples of a test; noise parameters refer to the deviation of a measured force."""
     forces = mr.simulate(spec, draws.theta[chosen], test, threads=script.threads)
     simulated = np.isfinite(forces).all(axis=1)
-    return mr.uncertainty.noise_band(
-        forces[simulated][:, samples],
-        draws.noise[chosen][simulated],
-        noise,
-        LEVEL,
-        deviation=float(np.std(force)),
-        rng=stream,
-    )
+    forces = forces[simulated][:, samples]
+    forces = forces + np.std(force) * noise.draw(forces.shape[1], draws.noise[chosen][simulated], stream)
+    lower, upper = np.quantile(forces, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL], axis=0)
+    return mr.uncertainty.Band(level=LEVEL, lower=lower, upper=upper, basis="draws and noise")
 
 
 def noise_scores(current: str, name: str) -> list[list[float]]:
@@ -171,15 +167,19 @@ EVERY = [rig_test(motion, current, "detect") for current in CURRENTS for motion 
 
 def joint_scores(fold: str) -> dict[str, list[list[float]]]:
     """Scores of every way on every test, by fits without its motion or command."""
-    left = mr.uncertainty.predict_left_out(
-        EVERY, fold, lambda rest: mr.identify(SPEC, rest, rng=script.seed, threads=script.threads)
-    )
+    fits = list[mr.Fit]()
+
+    def identify_rest(rest):
+        fits.append(mr.identify(SPEC, rest, rng=script.seed, threads=script.threads))
+        return fits[-1]
+
+    left = mr.uncertainty.predict_left_out(EVERY, fold, identify_rest)
     scores: dict[str, list[list[float]]] = {}
     seen = [
         [mr.predict(fit, test) for each in fit.quality for test in EVERY if test.name == each.test]
-        for fit in left.fits
+        for fit in fits
     ]
-    for number, prediction in enumerate(left.predictions):
+    for number, prediction in enumerate(left):
         known = next(each for each in seen if prediction.test.name not in {other.test.name for other in each})
         for noise in map(mr.uncertainty.noise_model, NOISES):
             values = np.array([noise.estimate(each.residual / each.deviation) for each in known])
@@ -190,7 +190,7 @@ def joint_scores(fold: str) -> dict[str, list[list[float]]]:
             ends = np.quantile(draws, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL], axis=0)
             lower, upper = prediction.force + prediction.deviation * ends
             scores.setdefault(f"{noise.title} noise", []).append(score(prediction, lower, upper))
-        others = [*left.predictions[:number], *left.predictions[number + 1 :]]
+        others = [*left[:number], *left[number + 1 :]]
         scores.setdefault(RANDOM_SIZE, []).append(random_size(prediction, others))
         scores.setdefault(CALIBRATED, []).append(calibrated(prediction, others))
     return scores

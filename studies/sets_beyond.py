@@ -89,7 +89,7 @@ def shares(model: str, kind: str, seed: int) -> dict[str, float]:
         "motion",
         lambda rest: mr.identify(choice.best.spec, rest, search=SEARCH, rng=seed, threads=script.threads),
     )
-    bands = mr.calibrate(left.predictions, held_out="predicted without the tests of its motion")
+    bands = mr.calibrate(left, held_out="predicted without the tests of its motion")
     rows, tested = [], choice.best.tested
     for test in unseen:
         try:

@@ -162,7 +162,7 @@ def test_what_is_computed_from_a_run_depends_on_the_tests_of_its_fit_alone(fitte
             mr.sample(fit, tests, walkers=16, most_steps=20, threads=1).theta.tolist(),
             asdict(mr.profile(fit, tests, parameters=["k_w@1A"], threads=1)) | {"seconds": None},
             asdict(mr.plan(fit, tests, [candidate], threads=1)),
-            [prediction.model_force.tolist() for prediction in folds.predictions],
+            [prediction.model_force.tolist() for prediction in folds],
         )
 
     before = results()

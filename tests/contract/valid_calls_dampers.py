@@ -161,7 +161,7 @@ def motion_calls(files: Path) -> Calls:
             target.acceleration,
             motions.ShakeTable().demand,
         ),
-        *(motions.baseline_corrected, motions.resampled_band_limited, motions.scaled, motions.scaled_to_peak),
+        *(motions.baseline_corrected, motions.scaled, motions.scaled_to_peak),
         *(motions.time_scaled, motions.trimmed, motions.sine, motions.near_fault_pulse),
         *(motions.resampled, motions.ShakeTable().driven),
     )
@@ -201,7 +201,7 @@ def material_calls(_: Path) -> Calls:
     yield call(_circuit().ampere_turns, field=np.array([0.0, 1e5]))
     currents = {"current": np.array([0.0, 1.0])}
     yield from calls_with(currents, _circuit().field, _circuit().flux, _circuit().inductance)
-    yield call(_circuit().rise_time, current=1.0, resistance=7.0, supply=20.0, share=0.5)
+    yield call(_circuit().rise_time, current=1.0, resistance=7.0, supply=20.0)
 
 
 def damper_design_calls(_: Path) -> Calls:
@@ -211,7 +211,7 @@ def damper_design_calls(_: Path) -> Calls:
     yield call(large.force, velocity=np.array([-0.1, 0.0, 0.1]), current=1.0, flow_model="plates")
     yield from calls_with({"current": np.array([0.0, 1.0])}, large.yield_stress, large.inductance)
     yield call(large.response_time, supply=100.0)
-    yield call(large.as_model, supply=100.0, transition=0.01)
+    yield call(large.as_model, supply=100.0)
     further = {
         "response_time": 1.0,
         "current_density": 4e6,
@@ -223,7 +223,6 @@ def damper_design_calls(_: Path) -> Calls:
     yield call(_WISHES.missed, design=large)
     values = {"wishes": _WISHES, "fluid": _FLUID, "steel": _STEEL, "rng": 0, "on_progress": _continue}
     yield from calls_with({**values, "search": "differential_evolution", "budget": 60}, design.size_damper)
-    yield call(design.size_front, wishes=_WISHES, fluid=_FLUID, steel=_STEEL, population=12, budget=60)
 
 
 ROOMS = (damper_calls, simulation_calls, record_calls, motion_calls, material_calls, damper_design_calls)

@@ -83,8 +83,7 @@ def identification_calls(_: Path) -> Calls:
     yield from calls_with(values | weighed | huber, mr.objective)
     yield call(Race, samples=2, starts=1, population=5, generations=2, most_rounds=1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
-    still = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
-    yield call(mr.fit_like, fit=fit, model="bingham", loadings=[still], rng=1, threads=1)
+    yield call(mr.fit_like, fit=fit, model="bingham", rng=1, threads=1)
     asked = {"test": test, "force": test.force}
     yield from calls_with(asked, fit.observed, fit.seen, fit.other_condition, fit.outside)
     settings = identification.FitSettings(observe="offset=each", force_exponent=0.5)
@@ -124,17 +123,15 @@ def uncertainty_calls(folder: Path) -> Calls:
     yield call(uncertainty.predict_left_out, fold="test", **left_out)
     yield call(uncertainty.predict_beyond, **left_out)
     yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen", beyond=[_prediction()])
-    yield call(uncertainty.Band, kind="prediction", level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a")
+    yield call(uncertainty.Band, level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a")
     values = {
         **{
             "band": uncertainty.Band.about(np.zeros(9), 1.0, level=0.9),
             "measured": np.linspace(-2.0, 2.0, 9),
         },
-        **{"per": 2.0, "forces": np.ones((5, 9)), "level": 0.9, "noise_draws": np.full((5, 1), 0.1)},
-        **{"noise": uncertainty.noise_model("iid"), "deviation": 1.0},
-        "rng": np.random.default_rng(0),
+        "per": 2.0,
     }
-    yield from calls_with(values, uncertainty.score, uncertainty.parameter_band, uncertainty.noise_band)
+    yield from calls_with(values, uncertainty.score)
     values = {
         **{"fit": fit, "tests": test, "level": 0.9, "threads": 1, "rng": 0, "draws": small_draws()},
         **{"candidates": [uncertainty.Candidate(amplitude=0.01, frequency=1.0)], "band": "force"},
@@ -153,7 +150,6 @@ def search_calls(_: Path) -> Calls:
     yield call(
         search.run_search, optimiser=_SPHERE, objective=_sphere, rng=0, n_params=2, seconds=5.0, until=0.1
     )
-    yield call(search.misfit_under_constraints, columns=np.array([[1.0, -1.0], [2.0, 1.0]]))
     rules = {
         **{"target": 0.1, "max_generations": 3, "max_evaluations": 100, "spread_tolerance": 1e-6},
         **{"confidence": 0.9, "floor_share": 0.1, "stall_generations": 3, "stall_tolerance": 0.01},

@@ -1,11 +1,10 @@
-"""Sizing: what it promises, whatever the search; fronts; refusals."""
+"""Sizing: what it promises, whatever the search; refusals."""
 
 from __future__ import annotations
 
 import math
 import signal
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from types import FrameType
 
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 from refusals import refusal
 
 from mrwork import Progress
-from mrwork.dampers.design import DamperWishes, fluid, size_damper, size_front, steel, twenty_ton_damper
+from mrwork.dampers.design import DamperWishes, fluid, size_damper, steel, twenty_ton_damper
 from mrwork.dampers.design.sizing import (
     N_FREE,
     SizedDamper,
@@ -88,9 +87,7 @@ def test_sizing_finds_a_small_damper(sized: SizedDamper) -> None:
     rng = np.random.default_rng(0)
     drawn = [candidate(rng.uniform(size=N_FREE), WISHES, FLUID, STEEL) for _ in range(300)]
     good = [
-        each.envelope_volume
-        for each in drawn
-        if each is not None and not find_misses(WISHES, each, "plates")[-1]
+        each.envelope_volume for each in drawn if each is not None and not find_misses(WISHES, each, "plates")
     ]
     assert sized.design.envelope_volume < 0.7 * min(good)
 
@@ -172,25 +169,6 @@ def test_a_callback_ends_the_sizing_with_what_it_has_found() -> None:
     assert ended.evaluations < 4000
 
 
-def test_an_interrupted_front_keeps_the_smallest_damper() -> None:
-    pytest.importorskip("pymoo")
-    seen: list[Progress] = []
-
-    def interrupting(progress: Progress) -> None:
-        seen.append(progress)
-        if len(seen) > 12:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as interrupt:
-        size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=1200, on_progress=interrupting)
-    result = interrupt.value.result
-    if math.isnan(seen[-1].numbers["volume"]):
-        assert result is None
-    else:
-        assert len(result.designs) == 1
-        assert result.designs[0].envelope_volume == pytest.approx(seen[-1].numbers["volume"])
-
-
 class Calls:
     """Calls of Python functions, and items that generators yield, between `begin` and `end`."""
 
@@ -209,10 +187,8 @@ class Calls:
         self.count += event == "call"
 
 
-@pytest.mark.parametrize("of", [size_damper, size_front])
-def test_ctrl_c_ends_a_sizing_soon(of: Callable[..., object]) -> None:
+def test_ctrl_c_ends_a_sizing_soon() -> None:
     """Within few calls, in the middle of whatever the search does: sixty candidates make a hundred thousand."""
-    pytest.importorskip("pymoo.algorithms.moo.nsga2")
     calls = Calls()
 
     def interrupt(*_: object) -> None:
@@ -223,7 +199,7 @@ def test_ctrl_c_ends_a_sizing_soon(of: Callable[..., object]) -> None:
     signal.setitimer(signal.ITIMER_VIRTUAL, 0.5)
     try:
         with pytest.raises(Interrupted):
-            of(WISHES, fluid=FLUID, steel=STEEL, budget=100_000)
+            size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=100_000)
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
         signal.signal(signal.SIGVTALRM, before)
@@ -236,23 +212,7 @@ def test_ctrl_c_ends_a_sizing_soon(of: Callable[..., object]) -> None:
 def test_every_point_of_the_cube_is_a_damper_within_its_supply_or_none(unit: list[float]) -> None:
     design = candidate(np.array(unit), WISHES, FLUID, STEEL)
     if design is not None:
-        *_, missed = find_misses(WISHES, design, "sum")
+        missed = find_misses(WISHES, design, "sum")
         assert not {"voltage", "current", "current_density", "least_gap"} & set(missed)
         assert 1 <= design.stages <= 4
         assert 8 <= design.wire_gauge <= 32
-
-
-@pytest.mark.long
-def test_front_trades_size_for_range_and_power() -> None:
-    pytest.importorskip("pymoo")
-    front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=12, budget=240)
-    assert len(front.designs) > 3
-    assert all(not WISHES.missed(design) for design in front.designs)
-    values = np.array([(each.envelope_volume, -each.dynamic_range, each.power) for each in front.designs])
-    assert np.all(np.diff(values[:, 0]) >= 0.0)
-    for one in values:
-        no_worse = (values <= one).all(axis=1)
-        assert no_worse.sum() == 1
-    # None is best in everything.
-    assert len(set(values.argmin(axis=0))) > 1
-    assert len(repr(front).splitlines()) <= 30

@@ -14,7 +14,6 @@ from mrwork.motions import (
     GroundMotion,
     baseline_corrected,
     resampled,
-    resampled_band_limited,
     scaled,
     scaled_to_peak,
     sine,
@@ -80,19 +79,13 @@ def test_a_finer_grid_is_the_same_motion() -> None:
     assert fine.n_time == 4 * (MOTION.n_time - 1) + 1
 
 
-def test_a_coarser_grid_folds_back_unless_it_is_band_limited() -> None:
+def test_a_coarser_grid_that_folds_back_is_told() -> None:
     # 40 Hz exceeds the Nyquist frequency for 0.02 s: interpolation aliases it to 10 Hz with its full amplitude.
     fast = sine(amplitude=1.0, frequency=40.0, cycles=400.0, dt=0.002)
     inner = slice(100, 400)
     with pytest.warns(MrworkWarning, match="velocity is off"):
         folded = resampled(fast, 0.02)
     assert np.abs(folded.acceleration[inner]).max() > 0.9
-    assert np.abs(resampled_band_limited(fast, 0.02).acceleration[inner]).max() < 2e-3
-    slow = sine(amplitude=1.0, frequency=2.0, cycles=20.0, dt=0.002)
-    kept = resampled_band_limited(slow, 0.02)
-    assert_allclose(kept.acceleration[inner], np.sin(4.0 * np.pi * kept.time[inner]), atol=2e-3)
-    assert kept.n_time == 501
-    assert "limited to 25 Hz" in kept.changes[-1]
 
 
 def test_a_coarser_grid_of_a_record_that_it_holds_is_silent() -> None:
@@ -140,7 +133,6 @@ def test_a_long_pause_at_the_end_is_padding_only_if_it_is_zero() -> None:
         (trimmed, {"start": 9.0}, "from 9 to inf s"),
         (trimmed, {"start": 2.0, "end": 1.0}, "from 2 to 1 s"),
         (resampled, {"dt": 6.0}, "every 6.0 s"),
-        (resampled_band_limited, {"dt": MOTION.dt * np.pi}, "ratio of whole numbers"),
     ],
 )
 def test_what_cannot_be_done_is_refused(

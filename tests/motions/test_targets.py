@@ -18,7 +18,6 @@ from mrwork.motions import (
     check_suite,
     en_1998_spectrum,
     scaled,
-    scaled_to_sa,
     scaled_to_target,
     table_spectrum,
 )
@@ -116,12 +115,6 @@ def test_the_scale_that_a_motion_had_does_not_matter(by: str) -> None:
         for motion in (MOTION, scaled(MOTION, -3.7))
     )
     np.testing.assert_allclose(other.acceleration, -one.acceleration, rtol=1e-12)
-
-
-def test_a_motion_scaled_to_sa_has_it() -> None:
-    motion = scaled_to_sa(MOTION, 3.0, period=0.4, damping=0.02)
-    assert pseudo_acceleration(motion, 0.4, 0.02) == pytest.approx([3.0], rel=1e-12)
-    assert motion.changes[-1].startswith("scaled from Sa(0.4 s, 2 %) of")
 
 
 def test_a_suite_that_is_raised_by_its_factor_just_meets_the_rule() -> None:

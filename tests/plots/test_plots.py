@@ -23,7 +23,6 @@ from plotted_results import RESULTS
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.dampers.design import SizeFront
 from mrwork.dampers.spec import law_values
 from mrwork.identification.fit_file import reopen
 from mrwork.plots.of_studies import energy_parts
@@ -122,7 +121,6 @@ DRAWN = [
     Drawn(figure="ida", kind="Fragilities", options={"rows": ["uncontrolled", 1]}),
     Drawn(figure="fragility", kind="Fragilities", pairs=(("intensity", "reached"),)),
     Drawn(figure="damper_counts", kind="DamperCounts", pairs=(("dampers", "reached"),)),
-    Drawn(figure="fronts", kind="SizeFront", pairs=(("envelope_volume", "dynamic_range"),)),
 ]
 
 
@@ -223,11 +221,6 @@ def numbers_of(result: Any) -> dict[str, Any]:
             return {
                 "dampers": [each.uniform for each in tried],
                 "reached": [each.values[1] for each in tried],
-            }
-        case SizeFront(designs=designs):
-            return {
-                name: [getattr(each, name) for each in designs]
-                for name in ("envelope_volume", "dynamic_range")
             }
     return {}
 

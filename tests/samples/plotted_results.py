@@ -17,7 +17,6 @@ from posterior_samples import MODEL, small_fit, small_test
 from run_folders import write_fit
 
 import mrwork as mr
-from mrwork.dampers.design import SizeFront
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Race
 from mrwork.records.reading import Reading
@@ -160,11 +159,6 @@ def tuning(*fronts: Front) -> mr.TuningResults:
     return mr.TuningResults(laws=(), references=(), **facts, training=("one",), fronts=fronts)
 
 
-def size_front() -> SizeFront:
-    small = mr.dampers.design.twenty_ton_damper()
-    return SizeFront(designs=(small, replace(small, turns=small.turns + 10)), evaluations=2)
-
-
 def damper_counts() -> mr.study.DamperCounts:
     """Two rows, of which one keeps a drift of 10 mm."""
     tried = (
@@ -220,6 +214,5 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Front": front,
     "TuningResults": lambda: tuning(front()),
     "TunedStudy": lambda: with_tuning(study_samples.results(), tuning(front())),
-    "SizeFront": size_front,
 }
 """By the name of the type."""

@@ -8,11 +8,10 @@ from refusals import refusal
 
 from mrwork import identify
 from mrwork.dampers import damper
-from mrwork.dampers.simulation import simulate_forces
 from mrwork.errors import RecordError
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, Likeness, Outside
-from mrwork.records.damper_test import loading_of, range_of_tests
+from mrwork.records.damper_test import range_of_tests
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import (
     Band,
@@ -20,8 +19,6 @@ from mrwork.uncertainty import (
     Fold,
     Prediction,
     calibrate,
-    noise_band,
-    parameter_band,
     predict,
     predict_left_out,
     score,
@@ -40,7 +37,6 @@ from mrwork.uncertainty.bands.prediction import (
     predict_beyond,
 )
 from mrwork.uncertainty.bands.predictions import Predictions
-from mrwork.uncertainty.noise import NOISES
 
 DAMPING, STIFFNESS = 1000.0, 20000.0
 NOMINAL = dict(zip(damper("static_hysteretic").names, damper("static_hysteretic").nominal, strict=True))
@@ -322,7 +318,7 @@ def test_no_fit_sees_the_tests_it_predicts(fold: Fold, left_in: list[int], some_
 
     found = predict_left_out(tests, fold, identify_rest)
     assert [len(names) for names in seen] == left_in
-    assert [prediction.test.name for prediction in found.predictions] == [test.name for test in tests]
+    assert [prediction.test.name for prediction in found] == [test.name for test in tests]
     for test in tests:
         assert sum(test.name not in names for names in seen) == 1
 
@@ -403,26 +399,6 @@ def test_quantiles_weigh_every_test_alike(sizes: tuple[int, ...]) -> None:
         shares = np.mean([np.mean(each <= found) for each in scores])
         less = np.mean([np.mean(each < found) for each in scores])
         assert less < level <= shares + 1e-12
-
-
-def test_parameter_band_shrinks_with_the_draws_and_the_noise_band_does_not() -> None:
-    spec = damper("static_hysteretic")
-    rng = np.random.default_rng(9)
-    test = sinusoid(0.01, 1.0)
-    widths = {}
-    for spread in (0.02, 0.002):
-        draws = np.array(spec.nominal) * (1.0 + spread * rng.standard_normal((200, len(spec.parameters))))
-        forces = simulate_forces(spec, draws, loading_of(test, spec).history()).force
-        deviation = float(np.std(forces))
-        noisy = noise_band(forces, np.full((200, 1), 0.1), NOISES["iid"], 0.9, deviation=deviation, rng=rng)
-        widths[spread] = [
-            float(np.mean(band.upper - band.lower)) for band in (parameter_band(forces, 0.9), noisy)
-        ]
-    parameter, prediction = np.array(list(widths.values())).T
-    assert parameter[1] < 0.2 * parameter[0]
-    assert prediction[1] > 0.7 * prediction[0]
-    # 3.29 deviations of 0.1 of the force hold 90 % of independent noise.
-    assert prediction[1] == pytest.approx(0.329 * deviation, rel=0.1)
 
 
 def test_a_prediction_has_the_names_of_a_fit_for_what_it_prints() -> None:

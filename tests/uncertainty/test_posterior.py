@@ -101,8 +101,8 @@ def test_a_sampling_stops_by_itself_and_says_why(draws: Draws) -> None:
     assert draws.status == "converged"
     assert draws.verdict.startswith(f"Converged after {draws.n_steps} steps: R-hat below 1.01")
     assert all(each.rhat < 1.01 and each.ess_bulk > 400 and each.ess_tail > 400 for each in draws.summaries)
-    assert draws.theta.shape == (len(draws.log_posterior), 4)
-    assert draws.noise.shape == (len(draws.log_posterior), 1)
+    assert draws.theta.shape == (draws.densities.size, 4)
+    assert draws.noise.shape == (draws.densities.size, 1)
 
 
 def test_where_noise_is_white_and_the_model_right_the_posterior_is_that_of_least_squares(
@@ -135,7 +135,7 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
     assert read.summaries == draws.summaries
     assert {each.verdict for each in read.summaries} >= {"identifiable"}
     assert "95 % posterior interval" in repr(small_fit().with_intervals(read.intervals))
-    for name in ("theta", "noise", "log_posterior"):
+    for name in ("theta", "noise", "densities"):
         np.testing.assert_array_equal(getattr(read, name), getattr(draws, name))
 
 
@@ -153,7 +153,7 @@ def test_threads_change_no_bit_and_an_interrupted_chain_is_kept() -> None:
     sampled = partial(sample, small_fit(), small_test(), walkers=16, rng=7)
     one, two = (sampled(most_steps=60, threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.theta, two.theta)
-    np.testing.assert_array_equal(one.log_posterior, two.log_posterior)
+    np.testing.assert_array_equal(one.densities, two.densities)
 
     def interrupt(progress: mr.Progress) -> None:
         if progress.numbers["steps"] > 40:

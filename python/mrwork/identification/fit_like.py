@@ -31,12 +31,14 @@ _LEVELS = 4
 def fit_like(
     fit: Fit,
     model: str | DamperSpec = "normalised_bouc_wen",
-    loadings: Sequence[Loading] | None = None,
     *,
     rng: Seed = 0,
     threads: Threads = 0,
 ) -> Fit:
     """Fit a model of the package to the simulated force of an identified damper, such as one in Python.
+
+    The motions are four sinusoids that reach the tested stroke and velocity of `fit`, at four commands over the tested
+    ones where it follows one.
 
     Parameters
     ----------
@@ -45,9 +47,6 @@ def fit_like(
     model
         Name of a model, or a model with current laws. Without laws, each positive parameter that scales with the
         force follows the command by its values at up to four levels.
-    loadings
-        Motions with commands; by default four sinusoids that reach the tested stroke and velocity of `fit`, at four
-        commands over the tested ones where it follows one.
     rng, threads
         As of `identify`.
 
@@ -55,12 +54,12 @@ def fit_like(
     -------
     Fit
         With the tested ranges of `fit`. Its one warning says how close the forces are, in per cent of the root mean
-        square of the force: over the loadings and, by default, under a motion between them that was not fitted.
+        square of the force: over these motions, and under one between them that was not fitted.
 
     Raises
     ------
     SettingError
-        If the loadings are fewer than one, or have no command where the damper follows one.
+        If the damper follows a command, and the tested ones are not known.
 
     Examples
     --------
@@ -72,13 +71,8 @@ def fit_like(
     """
     spec, tested = fit.spec, fit.tested
     plain = damper(model) if isinstance(model, str) else model
-    if loadings is not None and not loadings:
-        raise SettingError("`loadings` has none; give one or more, or leave it out")
-    loaded = (
-        [*loadings]
-        if loadings is not None
-        else [_loading(tested, [share], command) for share in _SINES for command in _commands(spec, tested)]
-    )
+    commands = _commands(spec, tested)
+    loaded = [_loading(tested, [share], command) for share in _SINES for command in commands]
     tests = tuple(_test(fit, loading, number) for number, loading in enumerate(loaded, start=1))
     like = _with_laws(plain, spec, tests)
     # Constant commands do not show the lag of the driver.
@@ -93,12 +87,9 @@ def fit_like(
         f"it is fitted to the force of {fit.model}, not to tests, and differs from it by {np.mean(apart):.2g} % of the "
         f"force over its tested range, at most {max(apart):.2g} % ({worst})"
     )
-    if loadings is None:
-        between = _loading(tested, _UNSEEN, _commands(spec, tested)[len(_commands(spec, tested)) // 2])
-        force = _test(fit, between, 0).force
-        sentence += (
-            f", and by {_percent(near.spec, theta, between, force):.2g} % under a motion that was not fitted"
-        )
+    between = _loading(tested, _UNSEEN, commands[len(commands) // 2])
+    unseen = _percent(near.spec, theta, between, _test(fit, between, 0).force)
+    sentence += f", and by {unseen:.2g} % under a motion that was not fitted"
     # The data are simulated: doubts about measurements do not apply.
     return replace(near, tested=tested, warnings=(sentence,))
 
@@ -107,7 +98,7 @@ def _commands(spec: DamperSpec, tested: OperatingRange) -> list[float | None]:
     if not spec.follows_command:
         return [None]
     if tested.command is None:
-        raise SettingError(f"the commands of {spec.name} are not known; give `loadings` with commands")
+        raise SettingError(f"the commands of {spec.name} are not known; identify it from tests with theirs")
     return [float(level) for level in np.linspace(*tested.command, _LEVELS)]
 
 

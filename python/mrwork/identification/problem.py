@@ -27,7 +27,7 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
-from mrwork.identification.settings import FitSettings, Race, Start, UnregisteredSearch
+from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.records import DamperTest, observed
 from mrwork.records.observation import Effect
 from mrwork.search import Optimiser
@@ -127,14 +127,9 @@ class Problem:
 
     @property
     def search(self) -> Race | Optimiser:
-        """The search, which complete settings always have; one whose code is not known is refused."""
+        """The search, which complete settings always have."""
         search = self.settings.search
         assert not isinstance(search, str | None)
-        if isinstance(search, UnregisteredSearch):
-            raise SettingError(
-                f"the search {search.name!r} of this fit is not registered, so it cannot run again from a file; "
-                "identify again with its settings or the name of a registered search as `search`"
-            )
         return search
 
     def inside(self, theta: ArrayLike) -> Floats:

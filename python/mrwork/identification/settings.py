@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
 
@@ -55,15 +55,7 @@ class Race:
     most_steps: Positive = 4e8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnregisteredSearch:
-    """Record of a search that is not registered, read from a file without its code."""
-
-    name: str
-    settings: Mapping[str, Any]
-
-
-Search: TypeAlias = Race | UnregisteredSearch | Optimiser
+Search: TypeAlias = Race | Optimiser
 
 
 def resize_search(
@@ -108,14 +100,10 @@ def search_named(name: str) -> Search:
 
 
 def _search_of_record(record: Mapping[str, Any]) -> Search:
-    """The search of its record; one that is not registered becomes an `UnregisteredSearch`."""
-    name = record["name"]
+    """The search of its record."""
     # The default search is not looked up, because that would import all optimisers.
-    if name == Race.name:
-        return built(Race, record)  # type: ignore[no-any-return] # the type is the one given
-    if name not in searches():
-        return UnregisteredSearch(name=name, settings=record)
-    return built(type(searches()[name]), record)  # type: ignore[no-any-return] # the type is the one given
+    kind = Race if record["name"] == Race.name else type(search_named(record["name"]))
+    return built(kind, record)  # type: ignore[no-any-return] # the type is the one given
 
 
 # What makes the final fit: our minimisation, all starts in lanes, or optimistix through JAX.
@@ -141,8 +129,8 @@ class FitSettings:
     ----------
     search
         Global search; by default a race of unlike routes, which goes on until two of them agree on the minimum. With
-        any other search the fit says that a lower minimum is possible. In Python it is a name or an object with its
-        settings.
+        any other search the fit says that a lower minimum is possible. In Python it is a name, or a search of the
+        package with its settings; `mr.objective` is for searches of your own.
     bounds
         Range of a parameter, by name; equal bounds fix it, and others have their admissible range. In Python a
         mapping from names to (lower, upper).
@@ -177,7 +165,7 @@ class FitSettings:
     SettingError
         Where the exponent of the force, the engine or an observation is impossible.
     UnknownNameError
-        Where no search has the name.
+        Where no search of the package has the name.
     """
 
     search: Search | str | None = None
@@ -191,6 +179,9 @@ class FitSettings:
 
     def __post_init__(self) -> None:
         search = search_named(self.search) if isinstance(self.search, str) else self.search
+        if not isinstance(search, Race | None):
+            # A fit tells its search by name.
+            search_named(search.name)
         plain: dict[str, Any] = {
             "search": search,
             "observe": as_words(self.observe),
@@ -228,8 +219,7 @@ class FitSettings:
         record: dict[str, Any] = plain(self)
         if search is None:
             return record
-        settings = search.settings if isinstance(search, UnregisteredSearch) else plain(search)
-        return record | {"search": {"name": search.name, **settings}}
+        return record | {"search": {"name": search.name, **plain(search)}}
 
     @classmethod
     @checked

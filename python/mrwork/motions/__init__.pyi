@@ -1,7 +1,6 @@
 from .ground_motion import GroundMotion as GroundMotion
 from .ground_motion import baseline_corrected as baseline_corrected
 from .ground_motion import resampled as resampled
-from .ground_motion import resampled_band_limited as resampled_band_limited
 from .ground_motion import scaled as scaled
 from .ground_motion import scaled_to_peak as scaled_to_peak
 from .ground_motion import time_scaled as time_scaled
@@ -15,7 +14,6 @@ from .spectral_density import stationary_ground as stationary_ground
 from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import ShakeTable as ShakeTable
 from .spectrum import response_spectrum as response_spectrum
-from .spectrum import scaled_to_sa as scaled_to_sa
 from .synthetic import Envelope as Envelope
 from .synthetic import GammaEnvelope as GammaEnvelope
 from .synthetic import near_fault_pulse as near_fault_pulse

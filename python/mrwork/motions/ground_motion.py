@@ -9,7 +9,6 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -287,8 +286,6 @@ _MOST_SAMPLES = 4_000_000
 _BYTES = 48
 # Error of the velocity over its largest, up to 0.27 for a measured record of which every second sample is taken.
 _LOST = 0.3
-# Largest numerator and denominator of the ratio of steps in band-limited resampling.
-_LARGEST_RATIO = 1000
 
 
 def check_samples(duration: float, dt: float) -> None:
@@ -305,8 +302,7 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     """Resample a motion every `dt` [s] by linear interpolation, as simulations interpolate it.
 
     A finer grid that contains the old samples gives the same motion. A coarser grid aliases frequencies above half its
-    rate, with a warning where the velocity changes by it; use `resampled_band_limited` there. A remainder of less than
-    a step at the end is dropped.
+    rate, with a warning where the velocity changes by it. A remainder of less than a step at the end is dropped.
     """
     n_time = _n_time(motion, dt)
     acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
@@ -317,39 +313,11 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     if off > _LOST * np.abs(motion.velocity).max():
         warnings.warn(
             f"ground motion {motion.name}: resampled every {dt:g} s its velocity is off by up to {off:.3g} m/s, since "
-            f"what lies between the new samples is lost; simulate it every {motion.dt:g} s, without `resample`, or use "
-            "`mr.motions.resampled_band_limited`",
+            f"what lies between the new samples is lost; simulate it every {motion.dt:g} s, without `resample`",
             MrworkWarning,
             stacklevel=3,
         )
     return result
-
-
-@checked
-def resampled_band_limited(motion: GroundMotion, dt: float) -> GroundMotion:
-    """Resample a motion every `dt` [s] without aliasing, for coarser grids.
-
-    A symmetric low-pass filter, hence without delay (`scipy.signal.resample_poly`), removes frequencies above half the
-    new rate. Peaks can rise or fall, since they may lie between the samples of either grid.
-
-    Raises
-    ------
-    SettingError
-        The step is not positive, longer than the motion, or its ratio to the old step is not a fraction of whole
-        numbers up to 1000.
-    """
-    n_time = _n_time(motion, dt)
-    ratio = Fraction(motion.dt / dt).limit_denominator(_LARGEST_RATIO)
-    if ratio.numerator > _LARGEST_RATIO or abs(float(ratio) * dt / motion.dt - 1.0) > 1e-9:
-        raise SettingError(
-            f"ground motion {motion.name}: {motion.dt:g} s to {dt:g} s is no ratio of whole numbers up to "
-            f"{_LARGEST_RATIO}; choose such a step, or `resampled`"
-        )
-    from scipy.signal import resample_poly  # slow to load, and rarely needed
-
-    filtered = resample_poly(motion.acceleration, ratio.numerator, ratio.denominator)[:n_time]
-    change = f"resampled from {motion.dt:.6g} to {dt:.6g} s, limited to {0.5 / max(dt, motion.dt):.4g} Hz"
-    return replace_samples(motion, np.ascontiguousarray(filtered, dtype=np.float64), dt, change)
 
 
 def _n_time(motion: GroundMotion, dt: float) -> int:

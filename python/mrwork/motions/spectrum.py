@@ -197,29 +197,6 @@ def scaled_from(motion: GroundMotion, found: Intensity, value: float) -> GroundM
     return scaled_level(motion, found.value, value, "a peak" if found.measure == "pga" else found.name)
 
 
-@checked
-def scaled_to_sa(motion: GroundMotion, sa: float, *, period: Positive, damping: Ratio = 0.05) -> GroundMotion:
-    """Scale a motion to the spectral acceleration `sa` [m/s^2], a pseudo-acceleration.
-
-    Parameters
-    ----------
-    sa
-        Spectral acceleration Sa of the scaled motion [m/s^2].
-    period
-        Undamped period of the oscillator [s], such as the first one of the building, `building.periods[0]`.
-    damping
-        Its damping ratio, from 0 to below 1.
-
-    Examples
-    --------
-    >>> from mrwork.motions.synthetic import synthetic_motion
-    >>> motion = scaled_to_sa(synthetic_motion(rng=0), 3.0, period=0.8)
-    >>> round(float(response_spectrum(motion, [0.8]).pseudo_acceleration[0]), 9)
-    3.0
-    """
-    return scaled_from(motion, spectral_intensity(motion, period, damping), sa)
-
-
 TableLimit = Literal["stroke", "velocity", "acceleration"]
 
 # Points per period of the corner frequency: between them the motion is drawn straight, which errs by 0.5 % there.

@@ -16,10 +16,9 @@ from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, quantity_named, run_quantities
-from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError
 from mrwork.plots import style
-from mrwork.plots.canvas import draw_points, vertical_grid
+from mrwork.plots.canvas import vertical_grid
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
@@ -327,13 +326,13 @@ def _stroke(number: int, count: int) -> Stroke:
 
 @figure
 def fronts(
-    result: Front | TuningResults | TunedStudy | SizeFront,
+    result: Front | TuningResults | TunedStudy,
     ax: Axes | None = None,
     *,
     law: str | int | None = None,
     legend: bool = True,
 ) -> Axes:
-    """Points of a front: the first two objectives of a law, or volume and dynamic range of dampers.
+    """Points of a front: the first two objectives of a law.
 
     Parameters
     ----------
@@ -349,12 +348,6 @@ def fronts(
     >>> import mrwork as mr
     >>> axes = mr.tune(study).plot.fronts()  # doctest: +SKIP
     """
-    if isinstance(result, SizeFront):
-        axes = axes_for(ax)
-        volume = [1e3 * design.envelope_volume for design in result.designs]
-        dynamic_range = [design.dynamic_range for design in result.designs]
-        draw_points(axes, volume, dynamic_range, size=4.5, colour=style.MODEL)
-        return finished(axes, "Volume (l)", with_unit("Dynamic range", "1"))
     if isinstance(result, TunedStudy):
         result = result.tuned
     if isinstance(result, TuningResults):

@@ -3,7 +3,6 @@ from .evolution import DifferentialEvolution as DifferentialEvolution
 from .evolution import EfficientGA as EfficientGA
 from .evolution import StandardGA as StandardGA
 from .loop import SearchResult as SearchResult
-from .loop import misfit_under_constraints as misfit_under_constraints
 from .loop import run_search as run_search
 from .particle_swarm import ParticleSwarm as ParticleSwarm
 from .registry import OPTIMISERS as OPTIMISERS

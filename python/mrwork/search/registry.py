@@ -133,15 +133,15 @@ def run_front(
     rng: int,
     starts: Floats,
     journal: Journal | None = None,
-    on_generation: Callable[[int], bool | None] = lambda evaluations: None,
+    on_generation: Callable[[int], None] = lambda evaluations: None,
 ) -> FrontResult:
     """Search a Pareto front by NSGA-II of pymoo within a budget of candidates; at most half a generation are starts.
 
     Deb, Pratap, Agarwal & Meyarivan, IEEE Trans. Evol. Comput. 6(2), 2002, 182-197; Blank & Deb, IEEE Access 8, 2020,
     89497-89509. Of two points, a point that meets the constraints comes first, then the smaller sum of
     violations (Deb's rules): constraints of different units want a common scale. The journal records every generation,
-    and recalls the generations of a search that was interrupted. The search ends where `on_generation`, called with the
-    number of candidates after every generation, returns true.
+    and recalls the generations of a search that was interrupted. `on_generation` is called after every generation with
+    the number of candidates.
     """
     problem = library("pymoo.core.problem").Problem(
         n_var=n_params, n_obj=n_objectives, n_ieq_constr=n_constraints, xl=0.0, xu=1.0
@@ -174,8 +174,7 @@ def run_front(
         evaluator.eval(static(problem, F=columns[:, :n_objectives], **constrained), asked)
         algorithm.tell(infills=asked)
         units, values = np.vstack([units, points]), np.vstack([values, returned])
-        if on_generation(len(units)):
-            break
+        on_generation(len(units))
     values, constraints = values[:, :n_objectives], values[:, n_objectives:]
     first = _select_feasible_front(values, constraints)
     order = first[np.lexsort(values[first].T[::-1])]

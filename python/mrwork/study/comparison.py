@@ -21,7 +21,7 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyResults
-from mrwork.study.row_kinds import LAWS, RANKS, Kind, Rank
+from mrwork.study.row_kinds import LAWS, RANKS, ROW_KINDS, Rank
 from mrwork.study.storeys import limits_in_words
 from mrwork.study.study import uses_in_words
 
@@ -141,8 +141,8 @@ class Comparison(Summarised):
     @property
     def constants(self) -> tuple[int, ...]:
         """The rows of one constant command that tables always show, the best of them first."""
-        kinds: tuple[Kind, ...] = ("best_passive", "passive", "passive_off")
-        rows = (self.passive, *map(self.results.row_of, kinds))
+        kinds = [kind for kind, what in ROW_KINDS.items() if what.is_reference]
+        rows = (self.passive, *map(self.results.row_of, reversed(kinds)))
         return tuple(dict.fromkeys(row for row in rows if row is not None))
 
     @property

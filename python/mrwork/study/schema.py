@@ -44,6 +44,7 @@ from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import suite as synthetic_suite
 from mrwork.motions.targets import ScaledBy, TargetSpectrum, asce_7_spectrum, en_1998_spectrum, table_spectrum
 from mrwork.search.rules import LARGEST_POPULATION
+from mrwork.study.row_kinds import Kind
 
 Risk = Literal["mean", "max", "cvar"]
 References = Literal["best_passive", "none"]
@@ -92,7 +93,7 @@ class ConstantLaw:
 
     title: str
     description: str
-    kind: Literal["passive_off", "passive", "best_passive", "best_passive_by_group"]
+    kind: Kind
     share: float | None = None
 
 

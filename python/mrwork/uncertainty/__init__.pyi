@@ -1,11 +1,8 @@
 from .bands.band import Band as Band
-from .bands.band import noise_band as noise_band
-from .bands.band import parameter_band as parameter_band
 from .bands.band import score as score
 from .bands.conformal import Calibration as Calibration
 from .bands.conformal import calibrate as calibrate
 from .bands.prediction import Fold as Fold
-from .bands.prediction import LeftOut as LeftOut
 from .bands.prediction import Prediction as Prediction
 from .bands.prediction import predict_beyond as predict_beyond
 from .bands.prediction import predict_left_out as predict_left_out

@@ -9,6 +9,4 @@ from .materials import Steel as Steel
 from .materials import fluid as fluid
 from .materials import steel as steel
 from .sizing import DamperWishes as DamperWishes
-from .sizing import SizeFront as SizeFront
 from .sizing import size_damper as size_damper
-from .sizing import size_front as size_front

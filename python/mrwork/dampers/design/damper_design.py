@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.base.arguments import NotNegative, Share, checked
+from mrwork.base.arguments import NotNegative, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import of_unit
 from mrwork.base.summary import Summarised, Summary
@@ -120,12 +120,11 @@ class MagneticCircuit(Summarised):
         current: Current,
         resistance: Resistance,
         supply: Voltage | None = None,
-        share: Share = _TIME_CONSTANT_SHARE,
     ) -> float:
-        """Time [s] until a share of a current [A] flows after a step, from `d(N Phi)/dt + R i = V`.
+        """Time [s] until 63 % of a current [A] flow after a step, from `d(N Phi)/dt + R i = V`.
 
-        Without a `supply` the voltage V is R times the current, so that an unsaturated coil takes L/R to the default
-        share, 63 %. A current driver applies its whole `supply` voltage [V] until the current is reached.
+        Without a `supply` the voltage V is R times the current, so that an unsaturated coil takes L/R. A current
+        driver applies its whole `supply` voltage [V] until the current is reached.
 
         Raises
         ------
@@ -133,7 +132,7 @@ class MagneticCircuit(Summarised):
             If the supply cannot drive the current.
         """
         voltage = resistance * current if supply is None else supply
-        reached = share * current
+        reached = _TIME_CONSTANT_SHARE * current
         if resistance * reached >= voltage and reached > 0.0:
             raise SettingError(
                 f"a supply of {voltage:g} V drives {voltage / resistance:.3g} A through {resistance:.3g} ohm; give "
@@ -444,19 +443,18 @@ class DamperDesign(Summarised):
         )
 
     @checked
-    def as_model(self, *, supply: Voltage | None = None, transition: Speed | None = None) -> DesignedModel:
+    def as_model(self, *, supply: Voltage | None = None) -> DesignedModel:
         """The Bingham model with current laws that follows the forces of the design, for simulations of buildings.
 
         At each of a few currents yield force and damping are fitted to the forces up to the rated velocity by least
-        squares, then cubic laws to them, with the friction of the seals as the yield force at zero current. The lag of
-        the command has the rate 1/T with the response time T.
+        squares, then cubic laws to them, with the friction of the seals as the yield force at zero current. The yield
+        force changes sign over 1/50 of the rated velocity. The lag of the command has the rate 1/T with the response
+        time T.
 
         Parameters
         ----------
         supply
             Voltage of the current driver [V], see `response_time`.
-        transition
-            Velocity over which the yield force changes sign [m/s]; 1/50 of the rated velocity by default.
         """
         plain = damper("bingham")
         least = {parameter.name: parameter.lower for parameter in plain.plain}
@@ -469,10 +467,15 @@ class DamperDesign(Summarised):
         c0 = _cubic(current, dampings, max(float(dampings[0]), least["c0"]))
         powers = np.vander(current, 4, increasing=True)
         predicted = (powers @ f_c)[:, None] + (powers @ c0)[:, None] * velocities
-        v_s = _TRANSITION * self.velocity if transition is None else transition
         return DesignedModel(
             spec=plain.with_current_laws(_LAWS, unit="A", lagged=True),
-            theta=(*f_c.tolist(), v_s, *c0.tolist(), 0.0, 1.0 / self.response_time(supply)),
+            theta=(
+                *f_c.tolist(),
+                _TRANSITION * self.velocity,
+                *c0.tolist(),
+                0.0,
+                1.0 / self.response_time(supply),
+            ),
             largest_command=self.largest_current,
             nrmse=float(np.sqrt(np.mean((predicted - wanted) ** 2) / np.mean(wanted**2))),
         )

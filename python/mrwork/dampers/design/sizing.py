@@ -1,31 +1,26 @@
-"""Sizing: the smallest damper with a desired force and dynamic range in an envelope, by a search of the registry.
-
-A Pareto front shows what the same wishes cost: size against dynamic range against power.
-"""
+"""Sizing: the smallest damper with a desired force and dynamic range in an envelope, by a search of the registry."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
-from mrwork.base.plotted import Plotted
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.design.damper_design import Current, DamperDesign, Speed, Voltage, wire_diameter
 from mrwork.dampers.design.flow import FlowModel, Length
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.errors import SettingError
 from mrwork.search import SearchResult, StopRules, run_search
-from mrwork.search.registry import ALL_OPTIMISERS, run_front, select_nondominated
+from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store.long_call import LongCall
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
@@ -43,8 +38,8 @@ N_FREE = len(_ENDS)
 _FILL, _CLEARANCE = 0.6, 2.0
 # The search takes parallel plates for the annulus; this factor of force, range and stress covers the difference.
 _MARGIN = 1.003
-# Shortfall of what cannot be built, and weight of the shortfall of a design on the front.
-_IMPOSSIBLE, _PENALTY = 1e3, 1e3
+# Shortfall of what cannot be built.
+_IMPOSSIBLE = 1e3
 
 
 @checked
@@ -102,13 +97,13 @@ class DamperWishes(Summarised):
     @checked
     def missed(self, design: DamperDesign) -> dict[str, float]:
         """Relative shortfall of a design for each wish that it does not meet."""
-        return find_misses(self, design)[-1]
+        return find_misses(self, design)
 
 
 def find_misses(
     wishes: DamperWishes, design: DamperDesign, flow_model: FlowModel = "annulus"
-) -> tuple[float, float, dict[str, float]]:
-    """Forces [N] of a design at the largest and at zero current, and its unmet wishes, see `DamperWishes.missed`."""
+) -> dict[str, float]:
+    """The unmet wishes of a design, see `DamperWishes.missed`."""
     currents = np.array([design.largest_current, 0.0])
     on, off = design.force(design.velocity, currents, flow_model=flow_model).tolist()
     shortfalls = {
@@ -130,7 +125,7 @@ def find_misses(
         except SettingError:
             # The supply cannot drive the current, which misses the voltage, too.
             shortfalls["response_time"] = 1.0
-    return on, off, {name: value for name, value in shortfalls.items() if value > 1e-9}
+    return {name: value for name, value in shortfalls.items() if value > 1e-9}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -149,78 +144,6 @@ class SizedDamper(Summarised):
             *summary.facts,
         )
         return replace(summary, facts=facts)
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class _Sizing(LongCall[Any]):
-    """A search of a damper that runs: what it has to do, its materials, its `best` design and candidates so far.
-
-    The `budget` of candidates is for the whole search.
-    """
-
-    wishes: DamperWishes
-    fluid: MRFluid
-    steel: Steel
-    budget: int
-    best: DamperDesign | None = None
-    evaluations: int = 0
-
-    @property
-    def harder(self) -> DamperWishes:
-        """Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus."""
-        return replace(
-            self.wishes,
-            force=_MARGIN * self.wishes.force,
-            dynamic_range=min(_MARGIN * self.wishes.dynamic_range, 1e3),
-            stress=self.wishes.stress / _MARGIN,
-        )
-
-    def design(self, unit: Floats) -> DamperDesign | None:
-        """The design at a point of the unit cube, see `candidate`."""
-        return candidate(unit, self.wishes, self.fluid, self.steel)
-
-    def stops(self, stage: Literal["smallest", "front"], least: float) -> bool:
-        """Report a generation, and whether the search ends; `least` is the misfit of the best candidate.
-
-        The numbers are the `evaluations`, and the `volume` [m^3] of the smallest damper that meets the wishes or NaN.
-        """
-        volume = least * self.wishes.volume if least <= 1.0 else math.nan
-        smallest = "none meets the wishes yet" if math.isnan(volume) else f"smallest {1e3 * volume:.3g} l"
-        return self.ends(
-            Progress(
-                stage=stage,
-                said=(stage, f"{self.evaluations} candidates", smallest),
-                share=min(self.evaluations / self.budget, 1.0),
-                numbers={"evaluations": self.evaluations, "volume": volume},
-            )
-        )
-
-    def smallest(self, search: str, budget: int, rng: int) -> SearchResult:
-        """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed.
-
-        It is then 1 and what the design misses.
-        """
-        check_known(search, ALL_OPTIMISERS, f"no search is called {search!r}")
-        optimiser, harder = ALL_OPTIMISERS[search], self.harder
-        stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
-
-        def misfit(design: DamperDesign | None) -> float:
-            if design is None:
-                return _IMPOSSIBLE
-            missed = sum(find_misses(harder, design, "plates")[-1].values())
-            return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
-
-        def on_generation(result: SearchResult) -> bool:
-            self.best, self.evaluations = self.design(result.best_unit), result.evaluations
-            return self.stops("smallest", result.best_misfit)
-
-        return run_search(
-            replace(optimiser, stop=stop),
-            lambda units: np.array([misfit(self.design(unit)) for unit in units]),
-            rng=rng,
-            n_params=N_FREE,
-            on_generation=on_generation,
-        )
 
 
 @checked
@@ -254,7 +177,8 @@ def size_damper(
     rng
         Seed of the search.
     on_progress
-        Called after every generation; where it returns true the search ends with the best so far.
+        Called after every generation with the `evaluations`, and the `volume` [m^3] of the smallest damper that meets
+        the wishes or NaN; where it returns true the search ends with the best so far.
 
     Raises
     ------
@@ -275,22 +199,62 @@ def size_damper(
     >>> sized.design.largest_force >= 2e3
     True
     """
-    sizing = _Sizing(wishes=wishes, fluid=fluid, steel=steel, budget=budget, on_progress=on_progress)
+    check_known(search, ALL_OPTIMISERS, f"no search is called {search!r}")
+    optimiser = ALL_OPTIMISERS[search]
+    # Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus.
+    harder = replace(
+        wishes,
+        force=_MARGIN * wishes.force,
+        dynamic_range=min(_MARGIN * wishes.dynamic_range, 1e3),
+        stress=wishes.stress / _MARGIN,
+    )
+    best, evaluations = None, 0
+
+    def misfit(unit: Floats) -> float:
+        """Share of the envelope, or above 1 by what the design misses."""
+        design = candidate(unit, wishes, fluid, steel)
+        if design is None:
+            return _IMPOSSIBLE
+        missed = sum(find_misses(harder, design, "plates").values())
+        return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
 
     def sized() -> SizedDamper | None:
-        if sizing.best is None or wishes.missed(sizing.best):
+        if best is None or wishes.missed(best):
             return None
-        return SizedDamper(design=sizing.best, wishes=wishes, evaluations=sizing.evaluations)
+        return SizedDamper(design=best, wishes=wishes, evaluations=evaluations)
 
-    sizing.so_far = sized
-    with sizing.keeping("sizing"):
-        sizing.smallest(search, budget, rng)
+    call = LongCall(on_progress=on_progress, so_far=sized)
+
+    def on_generation(result: SearchResult) -> bool:
+        nonlocal best, evaluations
+        best, evaluations = candidate(result.best_unit, wishes, fluid, steel), result.evaluations
+        volume = result.best_misfit * wishes.volume if result.best_misfit <= 1.0 else math.nan
+        smallest = "none meets the wishes yet" if math.isnan(volume) else f"smallest {1e3 * volume:.3g} l"
+        return call.ends(
+            Progress(
+                stage="smallest",
+                said=("smallest", f"{evaluations} candidates", smallest),
+                share=min(evaluations / budget, 1.0),
+                numbers={"evaluations": evaluations, "volume": volume},
+            )
+        )
+
+    with call.keeping("sizing"):
+        run_search(
+            replace(
+                optimiser, stop=StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
+            ),
+            lambda units: np.array([misfit(unit) for unit in units]),
+            rng=rng,
+            n_params=N_FREE,
+            on_generation=on_generation,
+        )
     if (result := sized()) is not None:
         return result
-    missed = {"all": 1.0} if sizing.best is None else wishes.missed(sizing.best)
+    missed = {"all": 1.0} if best is None else wishes.missed(best)
     worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in missed.items())
     raise SettingError(
-        f"no damper with {fluid.name} meets the wishes after {sizing.evaluations} candidates, the best misses {worst}; "
+        f"no damper with {fluid.name} meets the wishes after {evaluations} candidates, the best misses {worst}; "
         "allow a larger envelope, a stronger supply or more candidates (`budget`)"
     )
 
@@ -336,133 +300,3 @@ def candidate(unit: Floats, wishes: DamperWishes, fluid: MRFluid, steel: Steel) 
         return replace(design, largest_current=float(current))
     except SettingError:
         return None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class SizeFront(Plotted, Summarised):
-    """Pareto front of designs in size, dynamic range and power; the smallest first."""
-
-    designs: tuple[DamperDesign, ...]
-    evaluations: int
-
-    def _summary(self) -> Summary:
-        rows = [
-            (
-                f"{1e3 * design.envelope_volume:.3g}",
-                f"{design.dynamic_range:.3g}",
-                f"{design.power:.3g}",
-                f"{1e3 * design.bore:.3g}",
-                f"{1e3 * design.chamber_length:.3g}",
-                str(design.stages),
-            )
-            for design in self.designs
-        ]
-        columns = ("volume [l]", "dynamic range", "power [W]", "bore [mm]", "length [mm]", "coils")
-        return Summary(
-            title=f"Front of {len(self.designs)} dampers after {self.evaluations} candidates",
-            tables=[Table(columns=columns, rows=rows)],
-        )
-
-
-@checked
-def size_front(
-    wishes: DamperWishes,
-    *,
-    fluid: MRFluid,
-    steel: Steel,
-    population: Annotated[int, Within(least=8, most=10_000)] = 60,
-    budget: Count = 6000,
-    rng: Seed = 0,
-    on_progress: OnProgress | None = None,
-) -> SizeFront:
-    """The front of volume, dynamic range and power among dampers that meet the wishes, by NSGA-II.
-
-    The dynamic range of the wishes is the least on the front. The smallest damper, found by a third of the budget, is
-    among the first generation. The library pymoo of the extra `peers` searches.
-
-    Parameters
-    ----------
-    wishes, fluid, steel, rng
-        As in `size_damper`.
-    population, budget
-        Candidates of a generation, and most of all; a generation of either search at least.
-    on_progress
-        Called after every generation of either search; where it returns true the search ends with the front so far.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the `SizeFront` of the smallest damper alone, `None` while no candidate meets the wishes;
-        a front, whose dampers all take an exact solution of their flow, takes seconds, see `on_progress`.
-    SettingError
-        If no candidate meets the wishes, or pymoo is not installed.
-    """
-    sizing = _Sizing(wishes=wishes, fluid=fluid, steel=steel, budget=budget, on_progress=on_progress)
-    harder = sizing.harder
-    # Points of which no other one was better in everything, with their objectives.
-    units, values = np.empty((0, N_FREE)), np.empty((0, 3))
-
-    def objectives(design: DamperDesign | None) -> tuple[float, float, float]:
-        """Volume as a share of the envelope, 1 over dynamic range, power [W]; all worse by what the design misses."""
-        if design is None:
-            return (_PENALTY**2,) * 3
-        on, off, missed = find_misses(harder, design, "plates")
-        worse = _PENALTY * sum(missed.values())
-        return design.envelope_volume / harder.volume + worse, off / on + worse, design.power + worse
-
-    def keep(points: Floats) -> Floats:
-        nonlocal units, values
-        front = np.array([objectives(sizing.design(unit)) for unit in points])
-        units, values = np.vstack([units, points]), np.vstack([values, front])
-        indices = select_nondominated(values)
-        units, values = units[indices], values[indices]
-        return front
-
-    def so_far() -> SizeFront | None:
-        best = sizing.design(units[values[:, 0].argmin()]) if len(units) else sizing.best
-        return _front([best], wishes, sizing.evaluations)
-
-    sizing.so_far = so_far
-    with sizing.keeping("front"):
-        first = sizing.smallest("differential_evolution", budget // 3, rng)
-        keep(first.best_unit[None])
-
-        def on_generation(evaluations: int) -> bool:
-            sizing.evaluations = first.evaluations + evaluations
-            return sizing.stops("front", float(values[:, 0].min()))
-
-        if first.stop_reason != "callback":
-            run_front(
-                keep,
-                n_params=N_FREE,
-                n_objectives=3,
-                population=population,
-                budget=budget - first.evaluations,
-                rng=rng,
-                starts=first.best_unit[None],
-                on_generation=on_generation,
-            )
-        front = _front(map(sizing.design, units), wishes, sizing.evaluations)
-    if front is None:
-        raise SettingError(
-            f"no damper with {fluid.name} meets the wishes after {sizing.evaluations} candidates; "
-            "size_damper says what is missed"
-        )
-    return front
-
-
-def _front(
-    designs: Iterable[DamperDesign | None], wishes: DamperWishes, evaluations: int
-) -> SizeFront | None:
-    """The front with the exact flow, not the flow of the search; `None` where no design meets the wishes."""
-    met, values = [], []
-    for design in filter(None, designs):
-        on, off, missed = find_misses(wishes, design)
-        if not missed:
-            met.append(design)
-            values.append((design.envelope_volume, -on / off, design.power))
-    if not met:
-        return None
-    indices = select_nondominated(np.array(values))
-    order = indices[np.argsort(np.array(values)[indices, 0], kind="stable")]
-    return SizeFront(designs=tuple(met[index] for index in order), evaluations=evaluations)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from mrwork.base.arguments import (
     May,
     NotNegative,
     Positive,
-    Rows,
     Samples,
     Shape,
     Share,
@@ -29,7 +28,6 @@ from mrwork.errors import SettingError
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.noise import Noise
 
 # Share of a width by which it varies.
 _VARIES = 0.02
@@ -38,17 +36,12 @@ _HISTOGRAM = 4096
 
 _ALONG = Shape(("n",))
 
-BandKind = Literal["parameter", "prediction"]
-"""A parameter band contains the model's force under the posterior of the parameters: it narrows with more data, and
-measurements need not lie in it. A prediction band is to contain the given share of measurements."""
-
 
 @checked
 @array_dataclass(repr=False)
 class Band(Summarised):
-    """Lower and upper limits, shape (n,), of nominal coverage `level`; `basis` is its origin in words."""
+    """Limits that are to contain a share `level` of measurements, shape (n,); `basis` is their origin in words."""
 
-    kind: BandKind
     level: Level
     lower: Annotated[AnyNumbers, _ALONG]
     upper: Annotated[AnyNumbers, _ALONG]
@@ -73,7 +66,7 @@ class Band(Summarised):
         basis: str = "",
     ) -> Band:
         """Prediction band of half width `half` about a centre, shape (n,)."""
-        return cls(kind="prediction", level=level, lower=centre - half, upper=centre + half, basis=basis)
+        return cls(level=level, lower=centre - half, upper=centre + half, basis=basis)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,57 +148,6 @@ def next_test_quantile(scores: Sequence[Floats], level: float) -> float:
 
 def _equal_weights(scores: Sequence[Floats]) -> Floats:
     return np.concatenate([np.full(of_test.size, 1.0 / (of_test.size * len(scores))) for of_test in scores])
-
-
-def _check_draws(forces: Floats) -> None:
-    if not forces.size:
-        raise SettingError(f"`forces` has shape {forces.shape}; give at least one draw of one sample")
-
-
-def _central_band(kind: BandKind, forces: Floats, level: float, basis: str) -> Band:
-    lower, upper = np.quantile(forces, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
-    return Band(kind=kind, level=level, lower=lower, upper=upper, basis=basis)
-
-
-@checked
-def parameter_band(forces: Rows, level: Level) -> Band:
-    """Central quantiles of the columns of `forces`, shape (n_draws, n), that contain a share `level`."""
-    _check_draws(forces)
-    return _central_band("parameter", forces, level, f"{len(forces)} draws of the parameters")
-
-
-@checked
-def noise_band(
-    forces: Rows,
-    noise_draws: Annotated[Floats, Shape(("n_batch", "n_noise"))],
-    noise: Noise,
-    level: Level,
-    *,
-    deviation: Positive,
-    rng: np.random.Generator,
-) -> Band:
-    """Uncalibrated prediction band from posterior draws and a noise model, shape (n,).
-
-    On other excitations its coverage is far below `level`; see `calibrate`.
-
-    Parameters
-    ----------
-    forces
-        Forces of the draws [N], shape (n_draws, n).
-    noise_draws
-        Noise parameters of the draws, shape (n_draws, n_noise).
-    deviation
-        Standard deviation of the force [N], to which noise parameters refer.
-    """
-    _check_draws(forces)
-    if noise_draws.shape[1] != len(noise.parameters):
-        names = ", ".join(parameter.name for parameter in noise.parameters)
-        raise SettingError(
-            f"`noise_draws` has shape {noise_draws.shape}; {noise.name} noise has the parameters {names}"
-        )
-    added = noise.draw(forces.shape[1], noise_draws, rng)
-    basis = f"{noise.title} noise about {len(forces)} draws, not calibrated on any other test"
-    return _central_band("prediction", forces + deviation * added, level, basis)
 
 
 def energy_of_cycles(test: DamperTest, force: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -225,22 +225,11 @@ def has_regular_cycles(test: DamperTest) -> bool:
     return bool(regular_cycles(test.displacement[test.counted]))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LeftOut(Summarised):
-    """Predictions of tests left out, in the order of the tests, and the fit of each fold.
-
-    Where a fit cannot be simulated on a test, the prediction is missing and `failures` gives the reason.
-    """
-
-    fold: Fold
-    predictions: tuple[Prediction, ...]
-    fits: tuple[Fit, ...]
-    failures: tuple[str, ...]
-
-
 @checked
-def predict_left_out(tests: Sequence[DamperTest], fold: Fold, identify_rest: IdentifyRest) -> LeftOut:
-    """Leave out the tests of each fold in turn, identify from the others, and predict those left out.
+def predict_left_out(
+    tests: Sequence[DamperTest], fold: Fold, identify_rest: IdentifyRest
+) -> tuple[Prediction, ...]:
+    """Leave out the tests of each fold in turn, identify from the others, and predict those left out, in their order.
 
     Parameters
     ----------
@@ -250,25 +239,24 @@ def predict_left_out(tests: Sequence[DamperTest], fold: Fold, identify_rest: Ide
     Raises
     ------
     SettingError
-        Where there are fewer than two folds.
+        Where there are fewer than two folds, or a test cannot be simulated by the fit to the others.
     """
     folds = folds_of(tests, fold)
     predictions: dict[int, Prediction] = {}
-    fits, failures = [], []
+    failures = []
     for members, rest in zip(folds, rests_of(tests, folds), strict=True):
         fit = identify_rest(rest)
-        fits.append(fit)
         for index in members:
             try:
                 predictions[index] = predict_test(fit, tests[index])
             except SimulationError as reason:
                 failures.append(str(reason))
-    return LeftOut(
-        fold=fold,
-        predictions=tuple(predictions[index] for index in sorted(predictions)),
-        fits=tuple(fits),
-        failures=tuple(failures),
-    )
+    if failures:
+        raise SettingError(
+            f"{len(failures)} of {len(tests)} tests cannot be predicted without themselves, first: {failures[0]}; "
+            "leave out less at a time"
+        )
+    return tuple(predictions[index] for index in range(len(tests)))
 
 
 def extremes_of(tests: Sequence[DamperTest]) -> list[list[int]]:

@@ -277,11 +277,6 @@ class Draws(Plotted, WithAxes, Summarised):
             ),
         )
 
-    @property
-    def log_posterior(self) -> Floats:
-        """Log posterior of all draws, shape (n_draws,)."""
-        return self.densities.reshape(-1)
-
     def as_datatree(self) -> DataTree:
         """Draws for ArviZ: groups `posterior`, `sample_stats` and `observed_data`, with units and provenance."""
         from arviz_base import from_dict
