@@ -17,7 +17,7 @@ from mrwork.identification.objective import NormalEquations, Objective
 from mrwork.uncertainty.choice.splits import Splits
 
 # Convergence of the fits: relative decrease of the squared misfit in an iteration; largest number of iterations.
-_TOLERANCE = 1e-4
+_TOLERANCE = 1e-5
 _ITERATIONS = 30
 # Steps of the linearised fits, their damping, relative to the sensitivity of each parameter, and the step in latent
 # coordinates by which the slopes of laws are found.
