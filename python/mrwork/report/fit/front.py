@@ -49,12 +49,12 @@ _NO_STUDY = RemarkKind("study_missing", 'In a study of a building: `run = "RUN"`
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Evidence:
-    """Predictions of tests: what these tests are, a title and an opening of the sentence, and a remark behind it."""
+    """Predictions of tests: what these tests are, a title and an opening of the sentence, and what limits it."""
 
     title: str
     opening: str
     drawn: Sequence[Prediction]
-    remark: str = ""
+    limit: str = ""
 
     @property
     def spread(self) -> FitSpread:
@@ -68,7 +68,7 @@ class _Evidence:
         text = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
         if count > 1:
             text += f" in the median, the worst, {spread.worst_test}, to {format_fixed(spread.worst_percent, 1)} %"
-        return f"{text}. {self.remark}".rstrip()
+        return f"{text}. {self.limit}".rstrip()
 
 
 def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
@@ -77,7 +77,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
         title="Fitted tests",
         opening=f"Nothing was held out: the model describes {_tests(len(predictions))} that it was fitted to,",
         drawn=predictions,
-        remark="How well it predicts others is not known.",
+        limit="How well it predicts others is not known.",
     )
     bands, ranking = run.bands, run.ranking
     if run.held_out is not None:
@@ -87,7 +87,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
             title="Kept for test",
             opening=f"Predicts {_tests(len(run.held_out.predictions))} kept for test",
             drawn=run.held_out.predictions,
-            remark=f"{lying} outside the tested ranges." if outside else "",
+            limit=f"{lying} outside the tested ranges." if outside else "",
         )
     if bands is not None and bands.predictions:
         count, held_out = _tests(len(bands.predictions)), bands.calibration.held_out
@@ -105,7 +105,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
         chosen = "model was" if ranking.unit is None else "laws were"
         percent = format_fixed(ranking.chosen_standing.left_out_percent, 1)
         left_out = f"Fits to other tests predict tests left out to {percent} %; the {chosen} chosen by it"
-        return replace(evidence, opening=f"{left_out}, so expect less. {evidence.opening}", remark="")
+        return replace(evidence, opening=f"{left_out}, so expect less. {evidence.opening}", limit="")
     return evidence
 
 

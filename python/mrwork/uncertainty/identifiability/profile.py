@@ -49,7 +49,7 @@ _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"
 _BETTER_FIT = RemarkKind(
     "better_fit_found",
-    "a better fit was found on the way, and the profiles are about it: NRMSE {value:.6g} after {before:.6g}",
+    "a better fit was found on the way, which replaces the profiled one: NRMSE {value:.6g} after {before:.6g}",
 )
 
 
