@@ -289,7 +289,7 @@ if not script.quick:
     }
     shown = ("c.0", "alpha.1", "beta", "k.1", "x_s")
     rows = {
-        way: {"fit [%]": each.fit_percent, "warnings": len(each.warnings)}
+        way: {"fit [%]": each.fit_percent, "remarks": len(each.remarks)}
         | {of.name: of.value for of in each.estimates if of.name in shown}
         for way, each in ways.items()
     }

@@ -110,7 +110,7 @@ def row(name: str, observation: str) -> dict[str, float | str]:
     fit = fitted(name, tests)
     percents = {quality.test: quality.fit_percent for quality in fit.quality}
     found = {
-        "numbers": sum(estimate.remark != "fixed" for estimate in fit.estimates),
+        "numbers": sum(estimate.state != "fixed" for estimate in fit.estimates),
         "median": float(np.median(list(percents.values()))),
         "worst": min(percents.values()),
         "worst test": min(percents, key=percents.get),

@@ -82,11 +82,11 @@ def test_a_prediction_observed_otherwise_than_its_fit_says_so(tmp_path: Path, re
     offset = ("--model", "hyperbolic_tangent_guo", "--observe", "offset=each")
     fitted = json.loads(printed("identify", record, *offset, "--out", out, "--json", *FAST))
     as_fitted = json.loads(printed("predict", out, record, "--json"))
-    assert (as_fitted["observe"], as_fitted["warnings"]) == (["detect", "offset=each"], [])
+    assert (as_fitted["observe"], as_fitted["remarks"]) == (["detect", "offset=each"], [])
     assert as_fitted["files"][0]["fit_percent"] == pytest.approx(fitted["fit_percent"], abs=1e-6)
     assert as_fitted["files"][0]["estimated"]["offset"] != 0.0
-    (warning,) = json.loads(printed("predict", out, record, "--observe", "none", "--json"))["warnings"]
-    assert "estimated the offset of the force for each test" in warning
+    (remark,) = json.loads(printed("predict", out, record, "--observe", "none", "--json"))["remarks"]
+    assert (remark["code"], remark["words"]) == ("effects_not_estimated", ["offset of the force"])
     command_refusal("predict", out, record, "--observe", "lag=free", match="leaves lag to a fit")
 
 

@@ -194,7 +194,7 @@ def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
     rows = json.loads(mrwork("predict", tmp_path / "run", *files[1:], "--json").stdout)
     assert [row["seen"] is None for row in rows["files"]] == [True, False]
     assert [row["other_condition"] is None for row in rows["files"]] == [False, True]
-    assert sum("temperature, pressure, pre-load?" in each for each in rows["warnings"]) == 1
+    assert [each["code"] for each in rows["remarks"]].count("condition_differs") == 1
     calibrated = mrwork("calibrate", tmp_path / "run", *files[1:], "--quiet", "--json")
     assert json.loads(calibrated.stdout)["tests"] == [str(files[1])]
     assert "temperature, pressure, pre-load?" in calibrated.stderr

@@ -13,6 +13,7 @@ from refusals import refusal
 from scipy.integrate import solve_ivp
 
 import mrwork.twins.models  # noqa: F401  (sets double precision)
+from mrwork.base.remark import Measured
 from mrwork.dampers import (
     OpenSeesBoucWen,
     bouc_wen_from_normalised,
@@ -169,14 +170,13 @@ def test_an_unbounded_loop_has_no_normalised_form() -> None:
 
 
 def test_a_set_that_reads_both_ways_is_remarked() -> None:
-    assert convention_remarks(NOMINAL) == ()
-    assert convention_remarks(replace_parameter(NOMINAL, "beta", -5e5)) == ()
+    assert not [*convention_remarks(NOMINAL)]
+    assert not [*convention_remarks(replace_parameter(NOMINAL, "beta", -5e5))]
     (remark,) = convention_remarks(replace_parameter(NOMINAL, "beta", 5e5))
-    assert "0.6667" in remark
-    assert "0.3333" in remark
+    assert remark.measured == Measured(pytest.approx(2.0 / 3.0), "")
+    assert "0.3333" in remark.message
     swap, passive = convention_remarks(replace_parameter(NOMINAL, "gamma", 5e5))
-    assert "swapped" in swap
-    assert "not passive" in passive
+    assert (swap.code, passive.code) == ("factors_swapped", "loop_not_passive")
 
 
 def full_reversals(amplitude: float, step: float) -> np.ndarray:
@@ -208,12 +208,12 @@ def test_where_the_iteration_of_opensees_may_fail_a_scale_is_remarked_that_mends
     material, _ = opensees_from_bouc_wen(theta)
     path = full_reversals(5.0 / 15_000.0, material.strain_step(0.02))
     if material.finds_its_root:
-        assert len(solver_remarks(material, 0.02)) == 1
+        assert [each.code for each in solver_remarks(material, 0.02)] == ["opensees_strain_step"]
         assert np.abs(force_in_opensees(material, path)).max() < 700.0
         return
     with pytest.raises(AssertionError, match="no z was found"):
         force_in_opensees(material, path)
-    assert "the scale 15000," in solver_remarks(material, 0.02)[0]
+    assert "the scale 15000," in next(solver_remarks(material, 0.02)).message
     mended, _ = opensees_from_bouc_wen(theta, Ao=15_000.0)
     assert mended.finds_its_root
     assert np.abs(force_in_opensees(mended, path)).max() < 700.0

@@ -31,7 +31,7 @@ TESTS = [
 
 
 def numbers(*fits: mr.Fit) -> list[object]:
-    return [(fit.theta, fit.nrmse, fit.evaluations, fit.refinement_steps, fit.warnings) for fit in fits]
+    return [(fit.theta, fit.nrmse, fit.evaluations, fit.refinement_steps, fit.remarks) for fit in fits]
 
 
 def descents(opened: Open) -> object:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mrwork import identify
+from mrwork.base.remark import warnings_of
 from mrwork.identification.suspicious import linear_misfit
 from mrwork.records import DamperTest, cut, read_damper_test
 from mrwork.records.reading import synthetic_test
@@ -29,7 +30,7 @@ def test_records_where_the_search_once_stopped_in_a_false_minimum(current: str, 
     test = cut(read_damper_test(UTFSM / f"10mm1Hz{current}A.csv"), start=0.5, end=8.5, every=4)
     fit = identify("normalised_modified_bouc_wen", test, rng=0)
     assert fit.fit_percent > at_least
-    assert not fit.warnings
+    assert not warnings_of(fit.remarks)
 
 
 @measured
@@ -63,16 +64,15 @@ def test_tests_at_two_commands_share_the_linear_model_unless_the_model_follows_t
 def test_a_fit_no_better_than_a_linear_one_is_named() -> None:
     # Without a dashpot the model of Dahl cannot follow this force.
     fit = identify("dahl", linear(TEST))
-    (warning,) = fit.warnings
-    assert "the damper is linear" in warning
-    assert not identify("viscous_dahl", TEST).warnings
+    assert "damper_linear" in {each.code for each in fit.remarks}
+    assert not warnings_of(identify("viscous_dahl", TEST).remarks)
 
 
 def test_a_fit_no_better_than_a_linear_one_of_a_damper_that_is_not_linear_is_of_a_wrong_model() -> None:
     # The power of the velocity is in no Bingham model without friction.
     power = replace(TEST, force=3e3 * np.sign(TEST.velocity) * np.abs(TEST.velocity) ** 1.8)
-    (warning,) = identify("bingham", power, bounds={"f_c": (1e-3, 2e-3)}).warnings
-    assert "this model cannot describe the tests" in warning
+    fit = identify("bingham", power, bounds={"f_c": (1e-3, 2e-3)})
+    assert [each.code for each in fit.remarks if each.severity == "warning"] == ["no_better_than_linear"]
 
 
 def test_the_minimum_of_one_search_alone_is_doubted() -> None:

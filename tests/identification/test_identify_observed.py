@@ -13,6 +13,7 @@ import pytest
 
 import mrwork as mr
 from mrwork import Journal
+from mrwork.base.remark import warnings_of
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, Observation, cut, observed
 from mrwork.records.damper_test import Smoothing
@@ -66,7 +67,11 @@ def test_the_average_of_a_measured_record_improves_its_fit_wherever_the_part_end
         for observe in ("detect", "none")
     )
     assert averaged.nrmse < 0.75 * plain.nrmse
-    assert not any("average" in each for each in averaged.warnings)
+    assert not about_averages(averaged)
+
+
+def about_averages(fit: mr.Fit) -> list[mr.Remark]:
+    return [each for each in fit.remarks if each.code == "average_needless"]
 
 
 @cache
@@ -81,29 +86,29 @@ def test_an_average_without_which_the_fit_is_better_is_named_kept_and_replayed(t
     with closing(Journal(path)) as journal:
         fit = identify(fooled(), journal=journal)
     assert fit.quality[0].observation == Observation(average_seconds=0.08)
-    (warning,) = (each for each in fit.warnings if "moving average" in each)
-    assert "over 80 ms" in warning
+    (warning,) = about_averages(fit)
+    assert warning.measured is not None
+    assert warning.measured.value == pytest.approx(0.08)
     without = identify(fooled(), observe="none")
-    assert f"{without.fit_percent:.1f}" in warning
-    assert f"% instead of {fit.fit_percent:.2f} %" in warning
-    assert not without.warnings
+    assert f"{without.fit_percent:.1f}" in warning.message
+    assert f"% instead of {fit.fit_percent:.2f} %" in warning.message
+    assert not warnings_of(without.remarks)
     written = path.read_bytes()
     with closing(Journal(path, resume=True)) as journal:
         again = identify(fooled(), journal=journal)
-    assert (again.theta, again.warnings) == (fit.theta, fit.warnings)
+    assert (again.theta, again.remarks) == (fit.theta, fit.remarks)
     assert path.read_bytes() == written
 
 
 def test_several_tests_name_the_one_that_is_better_without_its_average() -> None:
     fit = identify([recorded(slice(None, 1000)), fooled().part(900, CLEAN.n_time)])
-    averages = [each for each in fit.warnings if "moving average" in each]
-    assert ["fooled: without the moving average" in each for each in averages] == [True]
+    assert [each.words for each in about_averages(fit)] == [("fooled",)]
 
 
 def test_an_average_that_is_in_the_record_or_was_given_is_not_doubted() -> None:
-    assert not identify(recorded()).warnings
+    assert not warnings_of(identify(recorded()).remarks)
     given = identify(fooled(), observe="average=0.05")
-    assert not any("moving average" in each for each in given.warnings)
+    assert not about_averages(given)
 
 
 def test_nothing_detected_is_none_to_the_bit() -> None:

@@ -22,7 +22,7 @@ from mrwork.identification.minimise import level_search
 from mrwork.identification.minimise.level_search import unlike_tests
 from mrwork.identification.residual import estimated_of, without_effects
 from mrwork.identification.result import free_run
-from mrwork.identification.suspicious import far_worse, far_worse_sentence
+from mrwork.identification.suspicious import far_worse, worse_together
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.observation import EFFECTS
 from mrwork.records.reading import synthetic_test
@@ -186,12 +186,9 @@ def test_a_false_minimum_is_suspected_where_the_best_was_not_found_again() -> No
     tests = [synthetic_test("rd1005_1a")] * 5
     joint, alone = np.full(5, 0.3), np.full(5, 0.04)
     worse = far_worse(joint, alone)
-    suspected, limited = (
-        far_worse_sentence(tests, worse, joint, alone, found_again=again) for again in (False, True)
-    )
-    assert suspected.startswith("false minimum suspected: 5 of 5 tests")
-    assert "(70.0 % for 96.0 %)" in suspected
-    assert "false minimum" not in limited
+    told, limited = (worse_together(tests, worse, joint, alone, suspected=each) for each in (True, False))
+    assert "(70.0 % for 96.0 %)" in told.message
+    assert (told.code, limited.code) == ("false_minimum", "worse_together")
 
 
 COMMANDS = (0.0, 1.0)
@@ -277,7 +274,7 @@ def test_a_false_minimum_with_a_limited_law_is_left(yield_forces: tuple[float, .
 
 def test_where_the_least_misfit_has_a_limited_law_the_fit_says_so() -> None:
     fit = fit_of((418.5, 62.0, 688.8, 53.0, 919.6))
-    assert any("within the tested commands, 0 to 1 A: choose another law" in each for each in fit.warnings)
+    assert "law_leaves_range" in {each.code for each in fit.remarks}
 
 
 @pytest.mark.parametrize("law", ["quadratic:0,0.5,1", "quadratic", "exponential"])
@@ -301,4 +298,4 @@ def test_a_typed_polynomial_is_one_of_the_parameter_at_tested_commands(tests: tu
     # What the tests were made with: no other form of these laws is better.
     fit = identify(with_laws_at(model, TRUE_LAWS, tests), tests, bounds=FIXED, rng=2)
     assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.05)
-    assert not any("other laws describe the tests better" in each for each in fit.warnings)
+    assert "other_laws_better" not in {each.code for each in fit.remarks}

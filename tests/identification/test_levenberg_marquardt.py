@@ -17,7 +17,7 @@ from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Objective
-from mrwork.identification.covariance import Covariance, Slopes, remark_of
+from mrwork.identification.covariance import Covariance, Slopes, state_of
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -139,9 +139,9 @@ def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
     lanes = find_minima(objective, form.box, start[None], max_iterations=100).best
     other = find_minimum_by_optimistix(objective, form.box, start)
     for theta in (lanes.theta, other.theta):
-        remarks = [remark_of(form.box, each, float(theta[each])) for each in range(len(theta))]
-        assert [remark for remark in remarks if remark] == ["at upper bound"]
-        assert remarks[index] == "at upper bound"
+        states = [state_of(form.box, each, float(theta[each])) for each in range(len(theta))]
+        assert [state for state in states if state] == ["at upper bound"]
+        assert states[index] == "at upper bound"
     assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)
 
 

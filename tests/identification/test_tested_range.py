@@ -14,10 +14,11 @@ from record_files import write_test
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
+from mrwork.base.remark import warnings_of
 from mrwork.errors import MrworkWarning, SimulationError
 from mrwork.identification import Race
 from mrwork.identification.fit_file import read_fit
-from mrwork.identification.problem import command_warning
+from mrwork.identification.problem import pooled_commands
 from mrwork.identification.result import explain_failures
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
@@ -48,14 +49,16 @@ def test_a_fit_carries_the_ranges_of_its_tests_into_its_file(fit: mr.Fit) -> Non
 
 
 def test_a_law_that_turns_negative_near_the_tested_commands_is_a_warning_of_the_fit(fit: mr.Fit) -> None:
-    (sentence,) = fit.warnings
-    assert sentence.startswith("the law of f_c turns negative: -")
-    assert "at 0 A" in sentence
+    (remark,) = fit.remarks
+    assert (remark.code, remark.words) == ("law_leaves_range_beyond", ("f_c",))
+    assert remark.measured is not None
+    assert remark.measured.value < 0.0
+    assert "at 0 A" in remark.message
 
 
 def test_a_prediction_within_the_tested_ranges_says_nothing(fit: mr.Fit) -> None:
     found = mr.predict(fit, a_test(0.7, 0.0101, 0.99))
-    assert found.outside.sentences == ()
+    assert found.outside.remarks == ()
     assert "warning" not in repr(found)
 
 
@@ -98,8 +101,10 @@ def test_both_verbs_say_what_the_fit_says(tmp_path: Path) -> None:
     assert len(read_fit(out).motions) == len(fitted)
     outside, inside = json.loads(printed("predict", out, left_out, fitted[0], "--json"))["files"]
     assert outside["outside_tested_range"] == ["command"]
-    assert any("turns negative" in each for each in outside["warnings"])
-    assert (inside["outside_tested_range"], inside["warnings"]) == ([], [])
+    assert {"outside_tested_range", "law_leaves_range_beyond"} == {
+        each["code"] for each in outside["remarks"]
+    }
+    assert (inside["outside_tested_range"], inside["remarks"]) == ([], [])
 
 
 FEW = Race(samples=6, starts=4, population=8, generations=4, most_rounds=1)
@@ -117,25 +122,24 @@ def test_a_pooled_fit_warns_before_the_search_and_carries_the_warning() -> None:
     with pytest.warns(MrworkWarning, match=r"3 commands \(0, 0.5, 1 A\).*bingham.*--law") as caught:
         fit = mr.identify("bingham", at(1.0, 0.0, 0.5), search=FEW)
     assert Path(caught[0].filename) == Path(__file__)
-    assert fit.warnings == (str(caught[0].message),)
+    assert warnings_of(fit.remarks) == (str(caught[0].message),)
     # However long it is, it can be read to its end.
     assert "tests at one command" in " ".join(repr(fit).split())
-    assert built(mr.Fit, json.loads(json_document(fit.as_dict()))).warnings == fit.warnings
+    assert built(mr.Fit, json.loads(json_document(fit.as_dict()))).remarks == fit.remarks
 
 
 @pytest.mark.parametrize("currents", [(0.5, 0.5), (0.499, 0.501), (None, None), (None, 0.5)])
 def test_one_command_with_its_noise_and_unknown_ones_give_no_warning(
     currents: tuple[float | None, ...],
 ) -> None:
-    assert command_warning(at(*currents), [mr.damper("bingham")]) == ()
+    assert not [*pooled_commands(at(*currents), [mr.damper("bingham")])]
 
 
 def test_only_models_without_laws_are_named() -> None:
     lawful = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A")
-    assert command_warning(at(0.0, 1.0), [lawful]) == ()
-    (sentence,) = command_warning(at(0.0, 1.0), [lawful, mr.damper("bingham")])
-    assert "dahl" not in sentence
-    assert "bingham" in sentence
+    assert not [*pooled_commands(at(0.0, 1.0), [lawful])]
+    (remark,) = pooled_commands(at(0.0, 1.0), [lawful, mr.damper("bingham")])
+    assert remark.words == ("bingham",)
 
 
 def test_the_command_line_says_it_once_on_stderr_and_in_the_json(tmp_path: Path) -> None:
@@ -143,5 +147,5 @@ def test_the_command_line_says_it_once_on_stderr_and_in_the_json(tmp_path: Path)
     ended = mrwork("identify", *files, "--model", "bingham", "--out", tmp_path / "run", "--quiet", "--json")
     assert ended.returncode == 0
     assert ended.stderr.count("the tests are at 2 commands (0, 1 A)") == 1
-    assert any("2 commands (0, 1 A)" in sentence for sentence in json.loads(ended.stdout)["warnings"])
-    assert "2 commands" in read_fit(tmp_path / "run").warnings[0]
+    assert "commands_pooled" in {each["code"] for each in json.loads(ended.stdout)["remarks"]}
+    assert "2 commands (0, 1 A)" in read_fit(tmp_path / "run").remarks[0].message

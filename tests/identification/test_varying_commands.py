@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -23,6 +22,7 @@ from sentences import Refused
 from sinusoidal_tests import driven_test
 
 import mrwork as mr
+from mrwork.base.remark import Measured
 from mrwork.dampers import LawName
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import law_of
@@ -32,7 +32,7 @@ from mrwork.identification.commands import CommandedTests
 from mrwork.identification.excerpts import stretches_of
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
-from mrwork.identification.minimise.driver_lag import missing_lag_warning, polish_with_wanted_lag
+from mrwork.identification.minimise.driver_lag import missing_lag, polish_with_wanted_lag
 from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -143,29 +143,27 @@ def test_a_plain_model_of_a_varying_command_warns_and_names_the_law() -> None:
 
 def test_a_prediction_of_a_command_that_nothing_follows_warns() -> None:
     fit = mr.identify("bingham", record(0.5), search=FEW)
-    with pytest.warns(MrworkWarning, match=r"varies in switching, but no parameter of this bingham.*--law"):
+    with pytest.warns(MrworkWarning, match=r"varies in switching, and no parameter of this bingham.*--law"):
         mr.predict(fit, record(switching))
 
 
 def test_a_lag_that_no_test_shows_is_told() -> None:
     problem = Problem.of(SPEC, (record(0.0), record(0.5), record(1.0)), FitSettings())
-    assert any("--fix eta" in sentence for sentence in problem.warnings)
+    assert [each.code for each in problem.foreseen()] == ["lag_rate_hidden"]
     held = Problem.of(SPEC, (record(0.5),), FitSettings(bounds={"eta": (60.0, 60.0)}))
-    assert held.warnings == ()
+    assert not [*held.foreseen()]
 
 
 def test_a_lag_that_was_left_out_is_told() -> None:
     without = PLAIN.with_current_laws(LAWS)
     lags = [
-        [sentence for sentence in fit.warnings if "--driver-lag" in sentence]
+        [each.measured for each in fit.remarks if each.code == "lag_missing"]
         for fit in (
             mr.identify(without, test, search=SEARCH, bounds=FIXED)
             for test in (record(random_steps), immediate(random_steps))
         )
     ]
-    assert len(lags[0]) == 1
-    assert "80 1/s" in lags[0][0] or "40 1/s" in lags[0][0]
-    assert lags[1] == []
+    assert lags in ([[Measured(rate, "1/s")], []] for rate in (40.0, 80.0))
 
 
 @cache
@@ -185,14 +183,8 @@ def test_a_lag_that_the_tests_do_not_show_is_left_out_and_told(command: Course) 
     assert not fit.spec.lagged
     assert "eta" not in {*fit.settings.bounds, *fit.settings.starts[0]}
     assert_recovered(fit)
-    (told,) = fit.warnings
-    found = re.search(
-        r"lag is left out: with it \(eta .* 1/s\) the misfit is (.*) %, without it (.*) %", told
-    )
-    assert found is not None
-    with_it, without_it = (float(each) for each in found.groups())
-    assert with_it > without_it
-    assert without_it == pytest.approx(100.0 * fit.nrmse, rel=1e-3)
+    assert [each.code for each in fit.remarks] == ["lag_left_out"]
+    assert f"without it {100.0 * fit.nrmse:.4g} %" in fit.remarks[0].message
     assert mr.predict(fit, immediate(command, rng=8)).residual.std() == pytest.approx(NOISE_N, rel=0.1)
     again = identify_with(fit.spec, (test,), fit.settings.again, warns=False)
     assert again.theta == pytest.approx(fit.theta, rel=1e-2)
@@ -214,7 +206,7 @@ def test_a_lag_whose_search_ended_without_it_is_found_from_the_fit_without() -> 
     """From the upper bound of the rate no step leads back: it has no effect there."""
     ended = ended_from(record(random_steps), 1e5)
     assert ended.theta[-1] == pytest.approx(TRUTH["eta"], rel=0.02)
-    assert ended.warnings == ()
+    assert ended.remarks == ()
 
 
 def test_a_command_that_acts_a_sample_later_is_kept_and_told() -> None:
@@ -222,8 +214,7 @@ def test_a_command_that_acts_a_sample_later_is_kept_and_told() -> None:
     test = replace(at_once, current=np.roll(np.asarray(at_once.current), -1))
     ended = ended_from(test, 1e4)
     assert ended.problem.spec == SPEC
-    (told,) = ended.warnings
-    assert "ends within a sample of 2 ms" in told
+    assert [each.code for each in ended.remarks] == ["lag_within_a_sample"]
 
 
 def test_a_resumed_fit_decides_on_the_lag_alike(tmp_path: Path) -> None:
@@ -301,22 +292,23 @@ def test_laws_and_lag_are_chosen_from_one_record_by_stretches_left_out() -> None
     unseen = record(random_steps, frequency=2.6, amplitude=0.008, rng=5)
     assert mr.predict(choice.best, unseen).rmse_n == pytest.approx(NOISE_N, rel=0.1)
     assert choice.best.times_noise is None
-    assert not choice.best.model_error
+    assert "residual_is_structure" not in {each.code for each in choice.best.remarks}
 
 
 def test_a_choice_without_the_lag_says_the_option_that_takes_it() -> None:
     test = record(random_steps, frequency=1.7, amplitude=0.012, n_time=4000)
     fit = mr.choose_laws(PLAIN, test, settings=CHEAP, threads=1).best
-    assert any("fit the lag with --driver-lag" in sentence for sentence in fit.warnings)
+    (structure,) = [each for each in fit.remarks if each.code == "residual_is_structure"]
+    assert "lag_missing" in {each.code for each in fit.remarks}
     assert fit.force_noise_n == pytest.approx(NOISE_N, rel=0.1)
     assert fit.times_noise == pytest.approx(fit.rmse_n / NOISE_N, rel=0.1)
-    assert f"{fit.times_noise:.2g} times the noise of the force" in fit.model_error
+    assert structure.measured == Measured(fit.times_noise or 0.0, "")
 
 
 def test_a_lag_that_the_tests_do_not_show_is_not_among_the_chosen_laws() -> None:
     choice = mr.choose_laws(PLAIN, immediate(random_steps), lagged=True, settings=CHEAP, threads=1)
     assert not choice.best.spec.lagged
-    assert any("shows no lag of the driver" in remark for remark in choice.ranking.remarks)
+    assert "lag_not_shown" in {each.code for each in choice.ranking.remarks}
     refusal(mr.choose_laws, PLAIN, [record(0.0), record(1.0)], lagged=True, match="shows no lag")
 
 
@@ -325,10 +317,10 @@ def test_a_lag_whose_part_other_parameters_have_taken_is_told() -> None:
     without, start = PLAIN.with_current_laws(LAWS), THETA[:-1].copy()
     start[-1] += 3000.0
     objective = Objective.of(without, (record(random_steps),))
-    (sentence,) = missing_lag_warning(objective, start, Box.of(without))
-    rate = float(sentence.removeprefix("a driver's lag of about ").partition(" ")[0])
-    assert rate == pytest.approx(TRUTH["eta"], rel=0.05)
-    assert "fitted anew" in sentence
+    (remark,) = missing_lag(objective, start, Box.of(without))
+    assert remark.measured is not None
+    assert remark.measured.value == pytest.approx(TRUTH["eta"], rel=0.05)
+    assert remark.words == ("the other parameters fitted anew",)
 
 
 def test_records_of_a_noisy_command_have_their_levels_in_common() -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
+from mrwork.base.remark import Measured
 from mrwork.dampers import damper
 from mrwork.dampers.tested_range import Outside, covering, outside_of, worst_of
 from mrwork.records import DamperTest, OperatingRange
@@ -204,11 +205,11 @@ def test_a_command_outside_names_the_laws_that_are_extrapolated_and_those_out_of
     spec = damper("dahl").with_current_laws({"k_w": "linear"}, unit="A")
     found = outside_of(spec, [-100.0, 900.0, 2000.0, 0.0], ranges(), ranges(command=(0.0, 0.0)))
     assert found.names == ("command",)
-    assert found.sentences == (
-        "command 0 A, tested from 0.25 to 1 A; the law of k_w is extrapolated",
-        "the law of k_w turns negative: -100 N at 0 A, taken as 0.001 N",
-    )
-    assert outside_of(spec, [100.0, 900.0, 2000.0, 0.0], ranges(), ranges()).sentences == ()
+    command, law = found.remarks
+    assert (command.code, command.measured) == ("outside_tested_range", Measured(0.0, "A"))
+    assert "tested from 0.25 to 1 A; the law of k_w is extrapolated" in command.message
+    assert (law.code, law.words, law.measured) == ("law_leaves_range_beyond", ("k_w",), Measured(-100.0, "N"))
+    assert outside_of(spec, [100.0, 900.0, 2000.0, 0.0], ranges(), ranges()).remarks == ()
     unknown = outside_of(spec, [100.0, 900.0, 2000.0, 0.0], None, ranges())
     assert (unknown.known, unknown.names) == (False, ())
 

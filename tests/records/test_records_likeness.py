@@ -157,8 +157,7 @@ def test_the_motion_of_a_test_with_another_force_is_that_of_another_condition(
     assert found is not None
     assert found.force_ratio == pytest.approx(gain, rel=0.02)
     assert found.force_shift == pytest.approx(shift, abs=5.0)
-    assert "another condition: temperature, pressure, pre-load?" in found.condition_in_words
-    assert "counts as held out" in found.condition_in_words
+    assert "another condition: temperature, pressure, pre-load?" in found.condition.message
     # Folds keep them together all the same.
     assert likest(hot, seen) is not None
 
@@ -168,7 +167,7 @@ def test_at_an_unknown_command_a_far_larger_force_is_of_another_command_or_condi
     stronger = RecordedMotion.of(replace(unknown, sha256="other", force=2.0 * unknown.force))
     found = likest(stronger, [RecordedMotion.of(unknown)], force="other")
     assert found is not None
-    assert "command, temperature" in found.condition_in_words
+    assert "command, temperature" in found.condition.message
     another = RecordedMotion.of(recorded(sine(0.01, 1.0), current=2.0))
     assert likest(another, [RecordedMotion.of(SINE)], force="other") is None
 

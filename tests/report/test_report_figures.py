@@ -246,7 +246,7 @@ def profiles(*made: Profile) -> Profiles:
         n_effective=100.0,
         profiles=made,
         status="finished",
-        remark="",
+        remarks=(),
         evaluations=100,
         seconds=1.0,
     )

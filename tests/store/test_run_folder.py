@@ -29,6 +29,7 @@ from mrwork.store import run_folder
 from mrwork.store.output_file import Lock
 from mrwork.store.run_folder import (
     ADDITIONS,
+    CALIBRATION,
     CHAIN,
     FIT_RUN,
     HISTORIES,
@@ -135,6 +136,12 @@ def test_a_file_that_was_changed_is_read_on_request_only(tmp_path: Path) -> None
     assert mr.load(place, changed=True).fit.status == "stopped"
     (place / FIT_FILE).write_text("{}")
     refusal(mr.load, place, changed=True, match=FIT_FILE)
+
+
+def test_an_addition_that_cannot_be_read_names_the_verb_that_writes_it(tmp_path: Path) -> None:
+    place = write_fit(tmp_path / "run", FIT)
+    add_to_run(place, {CALIBRATION: b"{}"})
+    refusal(mr.load, place, match="cannot be read .*run `mrwork calibrate` again")
 
 
 def test_an_addition_of_another_run_is_refused(tmp_path: Path) -> None:

@@ -47,5 +47,5 @@ def test_small_strokes_are_predicted_where_such_were_tested_and_warned_of_where_
     _, quality = free_run(fit.spec, np.array(fit.theta), tested)
     assert quality.fit_percent > 90.0
     assert fit.outside(tested).names == ()
-    (sentence,) = fit.outside(untested).sentences
-    assert "2 mm or less, make 20 % of the travel or more, tested from 4 mm" in sentence
+    (remark,) = fit.outside(untested).remarks
+    assert "2 mm or less, make 20 % of the travel or more, tested from 4 mm" in remark.message

@@ -7,6 +7,7 @@ import pytest
 from refusals import refusal
 
 from mrwork import identify
+from mrwork.base.remark import Measured
 from mrwork.dampers import damper
 from mrwork.errors import RecordError
 from mrwork.identification import Fit
@@ -31,7 +32,7 @@ from mrwork.uncertainty.bands.band import (
 )
 from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import (
-    alike_remark,
+    alike_tests,
     extremes_of,
     has_regular_cycles,
     predict_beyond,
@@ -125,12 +126,14 @@ def test_a_band_beyond_the_tests_is_as_wide_as_errors_there_and_none_farther() -
     alone = calibrate(known, held_out="")
     asked = faster(1.3)
     assert alone.band(asked, 0.9) is None
-    assert "velocity 245 mm/s, tested to 188 mm/s (1.3 times); test 13 mm at 3 Hz" in alone.test_to_run(asked)
+    missing = alone.test_to_run(asked)
+    assert missing is not None
+    assert "velocity 245 mm/s, tested to 188 mm/s (1.3 times); test 13 mm at 3 Hz" in missing.message
     calibration = calibrate(known, held_out="", beyond=[faster(1.4)])
     band = band_of(calibration, asked, 0.9)
     assert score(band, asked.measured).coverage == pytest.approx(0.9, abs=0.03)
     assert "beyond the tests in velocity" in band.basis
-    assert calibration.test_to_run(asked) == ""
+    assert calibration.test_to_run(asked) is None
     assert "velocity up to a factor of 1.4" in repr(calibration)
     assert "nowhere" in repr(alone)
     assert calibration.band(faster(1.6), 0.9) is None
@@ -155,7 +158,8 @@ def test_a_band_beyond_the_tests_in_two_quantities_takes_a_test_left_out_beyond_
         calibration = replace(calibrate(known, held_out="", beyond=left_out), tested=tested)
         assert [reach.side for reach in calibration.reach] == [("velocity", False), ("frequency", True)]
         assert (calibration.band(asked, 0.9) is not None) is is_known
-        assert is_known or "frequency" in calibration.test_to_run(asked)
+        missing = calibration.test_to_run(asked)
+        assert is_known or (missing is not None and "frequency" in missing.words)
         alone = beyond(faster(1.3), range_of_tests([faster(1.3).test]).velocity / 1.3)
         assert calibration.band(alone, 0.9) is not None
 
@@ -257,14 +261,13 @@ def test_a_band_that_holds_less_than_chance_leaves_is_told(
     asked = replace(asked, test=replace(asked.test, name="asked", displacement=grown, force=error))
     calibration = calibrate(known, held_out="")
     predictions = Predictions.about(some_fit, [asked], observe=(), calibration=calibration, level=0.9)
-    assert "In 1 of 1 tests the motion does not repeat" in predictions.new_kind
-    assert not calibration.new_kind(known)
+    assert "motion_of_new_kind" in {each.code for each in predictions.remarks}
+    assert calibration.new_kind(known) is None
     (coverage,) = predictions.coverage.values()
-    told = [warning for warning in predictions.warnings if "band holds" in warning]
-    assert bool(told) is is_told
+    told = [each for each in predictions.remarks if each.code == "band_too_narrow"]
     assert is_told is (coverage < 0.8)
-    if told:
-        assert f"holds {100.0 * coverage:.0f} % of asked" in told[0]
+    held = Measured(100.0 * coverage, "%")
+    assert [(each.words, each.measured) for each in told] == [(("asked",), held)] * is_told
 
 
 def test_a_width_that_varies_is_said_by_its_ends() -> None:
@@ -332,8 +335,9 @@ def test_alike_tests_are_left_out_together(some_fit: Fit) -> None:
         seen.append([test.name for test in rest])
         return some_fit
 
-    assert alike_remark(tests) == ""
-    assert "again has the motion" in alike_remark([*tests, again])
+    assert not [*alike_tests(tests)]
+    (alike_remark,) = alike_tests([*tests, again])
+    assert "again has the motion" in alike_remark.message
     predict_left_out([*tests, again], "test", identify_rest)
     assert seen == [[tests[1].name], [tests[0].name, "again"]]
     for alike, fold in (([tests[0], again], "test"), (tests, "command")):

@@ -123,7 +123,7 @@ def test_laws_with_the_force_of_simpler_ones_are_not_listed(settings: FitSetting
     ]
     ranking = choose_laws("dahl", tests, settings=settings, threads=1).ranking
     assert ranking.chosen_standing.laws == {"k_w": "log_linear"}
-    assert any("with the same force as laws with fewer parameters" in each for each in ranking.remarks)
+    assert "laws_not_listed" in {each.code for each in ranking.remarks}
 
 
 def test_given_laws_and_parameters_with_bounds_are_not_chosen(
@@ -223,7 +223,7 @@ def test_of_two_forms_that_no_test_tells_apart_the_one_without_an_extremum_is_ch
     gapped: Choice,
 ) -> None:
     assert gapped.ranking.chosen_standing.laws["k_w"] == "quadratic"
-    assert not any("extremum" in each for each in gapped.best.warnings)
+    assert "extremum_untested" not in {each.code for each in gapped.best.remarks}
     values = dict(law_values(gapped.best.spec, np.array(gapped.best.theta), np.array([1.0])))
     (at_one,) = (value for parameter, value in values.items() if parameter.name == "k_w")
     # The truth; logarithms of the values give about 1500 N.
@@ -251,13 +251,15 @@ def test_a_law_that_is_given_is_warned_of_its_extremum_with_the_form_that_has_no
     spec = mr.damper("viscous_dahl").with_current_laws({"k_w": "log_quadratic:0,0.5,1.5"}, unit="A")
     theta = [800.0, 110.0, 640.0, 1430.0, 2000.0, 20.0]
     (found,) = hidden_extrema(spec, theta, (0.0, 0.5, 1.5))
-    assert found.between == (0.5, 1.5)
-    assert found.value > 1.05 * 1430.0
+    assert "between the tested commands 0.5 and 1.5 A" in found.remark.message
+    assert found.remark.measured is not None
+    assert found.remark.measured.value > 1.05 * 1430.0
     assert str(found.instead) == "quadratic:0,0.5,1.5"
     # A test that shows the values there leaves nothing hidden, whatever they are.
     assert hidden_extrema(spec, theta, np.linspace(0.0, 1.5, 16).tolist()) == ()
     fit = mr.identify(spec, gapped.best.tests, threads=1)
-    assert any("give k_w=quadratic:0,0.5,1.5" in each for each in fit.warnings)
+    (told,) = [each for each in fit.remarks if each.code == "extremum_untested"]
+    assert "give k_w=quadratic:0,0.5,1.5" in told.message
 
 
 def test_straight_lines_take_the_place_of_two_forms_with_an_extremum() -> None:
@@ -288,7 +290,7 @@ def test_an_extremum_between_commands_is_an_objection_unless_the_law_has_a_value
     ]
     assert [extremum.parameter for extremum in hidden_extrema(spec, theta, levels)] == ["k_w"]
     objections = objections_to(spec, theta, tests, BuildingCost.of(spec, theta, tests))
-    assert any("the law of k_w has an extremum" in clause for clause in objections) is objects
+    assert any((each.code, each.words[0]) == ("extremum_untested", "k_w") for each in objections) is objects
 
 
 def test_the_next_test_is_within_a_gap_of_the_commands(gapped: Choice) -> None:

@@ -177,7 +177,7 @@ def test_a_run_of_several_models_names_the_model_of_the_laws(
     assert {key: shown[key] for key in written} == written
     assert list(shown["failed"]) == ["bouc_wen"]
     assert shown["models"] == ["dahl", "bingham", "bouc_wen"]
-    assert {"laws", "behind", "behind_error", "objection", "inside_percent"} <= set(shown["tried"][0])
+    assert {"laws", "behind", "behind_error", "remarks", "inside_percent"} <= set(shown["tried"][0])
     run = mr.load(out)
     assert run.fit.model == "dahl"
     assert run.ranking is not None

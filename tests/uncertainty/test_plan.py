@@ -67,10 +67,11 @@ def test_what_only_large_strokes_show_calls_for_a_large_stroke(test: DamperTest)
 
 
 def test_a_rig_of_motions_that_repeat_asks_for_a_random_one(fit: Fit, test: DamperTest) -> None:
-    asked = mr.plan(fit, [test], GRID[:3]).random_test
-    assert "random motion of 1 to 1 Hz, up to 10 mm and 63.8 mm/s" in asked
+    (asked,) = mr.plan(fit, [test], GRID[:3]).remarks
+    assert asked.code == "motions_repeat"
+    assert "random motion of 1 to 1 Hz, up to 10 mm and 63.8 mm/s" in asked.message
     growing = replace(test, displacement=np.linspace(0.2, 1.0, test.n_time) * test.displacement)
-    assert not mr.plan(fit, [test, growing], GRID[:3]).random_test
+    assert not mr.plan(fit, [test, growing], GRID[:3]).remarks
 
 
 def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperTest) -> None:

@@ -200,7 +200,7 @@ def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
         replace(each, value=1.2 * each.value) if each.name == "alpha" else each for each in fit.estimates
     )
     (f0,) = (found := mr.profile(replace(fit, estimates=moved), [test], parameters=["f0"])).profiles
-    assert "a better fit was found on the way, which replaces the profiled one" in found.remark
+    assert [each.code for each in found.remarks] == ["better_fit_found"]
     assert found.better is not None
     assert found.better.nrmse == pytest.approx(fit.nrmse, rel=1e-4)
     assert found.better.status == "lower_minimum_possible"

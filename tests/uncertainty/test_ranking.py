@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mrwork.base.remark import RemarkKind
 from mrwork.identification.result import BuildingCost
 from mrwork.report.fit.later import ranking_figure
 from mrwork.uncertainty.choice.ranking import Ranking, Standing, rank
@@ -106,7 +107,7 @@ def test_the_sentence_tells_choice_and_margin() -> None:
         missing=("other",),
     )
     assert found.chosen == "small"
-    assert found.doubts == ("not compared, as its predictions failed: broken (it diverged)",)
+    assert [(each.code, *each.words) for each in found.remarks] == [("not_compared", "broken (it diverged)")]
     for words in (
         "Of 4 families, Small with 4 parameters is chosen",
         "behind Large, the best, which has 5 parameters more",
@@ -123,7 +124,7 @@ def test_a_family_is_not_chosen_because_a_far_better_one_could_not_predict() -> 
         ("poor", "provisional"),
         ("better", "failed"),
     ]
-    assert "No family is chosen: Better, which failed" in found.sentence
+    assert [each.code for each in found.remarks] == ["not_compared", "none_chosen"]
     # So is one that could not predict a test, which counts as 0 %.
     lost = family("lost", 9, np.where(np.arange(6) == 5, 1.0, TESTS + 0.35))
     assert verdicts(poor, replace(lost, fit_percent=97.4, not_predicted=("fast",)))["poor"] == "provisional"
@@ -159,8 +160,8 @@ def costing(family: Standing, steps: float) -> Standing:
     return replace(family, steps=steps if cost.is_possible else None, is_costly=cost.is_high)
 
 
-def remarks(*families: Standing) -> tuple[str, ...]:
-    return ranking(*families).remarks
+def remarks(*families: Standing) -> list[str]:
+    return [each.message for each in ranking(*families).remarks]
 
 
 def test_of_families_as_good_one_that_is_not_costly_is_chosen() -> None:
@@ -174,7 +175,9 @@ def test_of_families_as_good_one_that_is_not_costly_is_chosen() -> None:
 
 
 def test_a_family_that_something_speaks_against_is_not_chosen_while_others_are_left() -> None:
-    dying = replace(family("dying", 5, FOLDS), objection="the law of c vanishes")
+    dying = replace(
+        family("dying", 5, FOLDS), remarks=(RemarkKind("dying", "its law vanishes", warns=True).remark(),)
+    )
     assert verdicts(dying, family("sound", 6, FOLDS + 0.01)) == {"sound": "chosen", "dying": "unusable"}
     assert verdicts(dying) == {"dying": "chosen"}
 
@@ -183,7 +186,7 @@ def test_a_costly_choice_names_the_nearest_cheap_family() -> None:
     (found,) = remarks(costing(family("loop", 7, FOLDS), 64), costing(family("line", 6, FOLDS + 0.01), 2))
     assert "Line comes nearest (91.85 % against 92.85 % left out)" in found
     curve = costing(family("curve", 8, FOLDS), 2)
-    assert remarks(costing(family("loop", 7, FOLDS), 8), curve) == ()
+    assert remarks(costing(family("loop", 7, FOLDS), 8), curve) == []
     (found,) = remarks(costing(family("loop", 7, FOLDS), math.inf), replace(curve, is_costly=True))
     assert "more than 512 integration steps" in found
 

@@ -24,7 +24,7 @@ def digests(executor: Executor | None) -> list[str]:
     tuned = mr.tune(study, laws=["clipped_optimal"], rng=1, budget=24, executor=executor)
     criteria = mr.run_study(study, executor=executor and mr.Workers(executor, 3)).criteria_of_runs.numbers
     return [
-        digest_of(*((fit.theta, fit.nrmse, fit.warnings) for fit in choice.fits), choice.ranking.sentence),
+        digest_of(*((fit.theta, fit.nrmse, fit.remarks) for fit in choice.fits), choice.ranking.sentence),
         digest_of(*((law.settings, law.least) for law in tuned.laws)),
         digest_of(*(criteria[name] for name in sorted(criteria))),
     ]

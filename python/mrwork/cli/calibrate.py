@@ -63,7 +63,7 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
     remarks = told_remarks("calibrate", read, options)
     tests = [observed(test, words) for test in read]
     for condition in filter(None, map(fit.other_condition, tests)):
-        note(condition.condition_in_words)
+        note(condition.condition.in_words)
     return predict(fit, tests, observe=words).predictions, remarks
 
 

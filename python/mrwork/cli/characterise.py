@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
@@ -238,7 +238,7 @@ def _end(
     uses: dict[str, int],
     done: list[Any],
     spare: str,
-    remarks: list[dict[str, Any]],
+    test_remarks: list[dict[str, Any]],
 ) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
@@ -260,8 +260,8 @@ def _end(
                 "held_out": None
                 if held_out is None
                 else named(held_out.spread, "median_percent", "worst_percent", "worst_test"),
-                "test_remarks": remarks,
-                "warnings": list(fit.warnings),
+                "test_remarks": test_remarks,
+                "remarks": [asdict(remark) for remark in fit.remarks],
                 "steps": done,
             }
         )
@@ -274,8 +274,8 @@ def _end(
     if not uses["test"]:
         how = f"set the use of some rows of {options.folder / TABLE_NAME} to test, and run the command again with"
         show(f"No test was kept for test{spare or f': {how} --replace'}.")
-    for warning in fit.warnings:
-        show(f"warning: {warning}")
+    for remark in fit.remarks:
+        show(remark.in_words)
     show(f"Summary: {path / SUMMARY}")
     show(f"Report: {path / REPORT}")
     return 0

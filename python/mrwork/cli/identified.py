@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from mrwork.base.progress import OnProgress, ProgressLine
+from mrwork.base.remark import RemarkKind
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
@@ -41,6 +42,8 @@ from mrwork.store.run_writer import is_complete, nothing_to_resume
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.choose import Choice
     from mrwork.uncertainty.choice.ranking import Standing
+
+_UNTRIED = RemarkKind("other_models_untried", "other models may leave a smaller residual (--model all)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,8 +95,8 @@ class Identification(Frame):
     def fit(self, spec: DamperSpec, settings: FitSettings, *, screens: bool = False) -> int:
         """Fit one model to the tests into the run folder, and show it; return the exit status.
 
-        Where it `screens` other families, because the residual is not noise, a warning names one that predicts visibly
-        better.
+        Where it `screens` other families, because the residual is not noise, a remark names one that predicts visibly
+        better; else one says that they were not tried.
         """
         with self.work as work:
             journal, threads = work.journal(), self.options.threads
@@ -104,12 +107,13 @@ class Identification(Frame):
                 )
                 is_noise = bool(fit.force_noise_n) and fit.times_noise is None
                 if not screens or is_noise:
-                    return fit
+                    untried = () if fit.times_noise is None else (_UNTRIED.remark(),)
+                    return replace(fit, remarks=(*fit.remarks, *untried))
                 from mrwork.uncertainty.choice.screening import better_family, screen_families  # slow to load
 
                 with LongCall[Fit](so_far=lambda: fit).keeping("screening"), suppress(MrworkError):
                     rows = screen_families(self.tests, settings=settings, threads=threads, on_progress=line)
-                    return replace(fit, warnings=(*fit.warnings, *better_family(rows, spec.name)))
+                    return replace(fit, remarks=(*fit.remarks, *better_family(rows, spec.name)))
                 return fit
 
             fit, status = self.compute(fitted, before="any candidate was simulated")

@@ -11,7 +11,6 @@ from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import end_addition, told_remarks
-from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import SettingError
 from mrwork.store.codec import json_document
@@ -68,10 +67,6 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     )
     path, document = opened.run.path, {"limits": asdict(limits)}
     add_to_run(path, {PLAN: json_document(ranked.document() | document).encode()})
-    if ranked.left_out and not options.quiet:
-        unit = spec.command_unit
-        failed = "; ".join(left_out.in_words(unit) for left_out in ranked.left_out)
-        note(f"not ranked, as they could not be simulated: {failed}")
     more = document | {"test_remarks": remarks, "out": str(path / PLAN)}
     return end_addition(options, ranked, more, [f"Report: {path / REPORT}"])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from math import e, inf, log
 from typing import Annotated, Final, Literal
@@ -12,6 +12,7 @@ import numpy as np
 from mrwork.base.arguments import Positive, Shape, checked
 from mrwork.base.hints import InUnit, Within
 from mrwork.base.keys import suggestion
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
@@ -103,6 +104,27 @@ _MARGIN = 1.5
 # Start of the iteration of OpenSees, and how many of its 20 iterations may pass far from the root.
 _NEWTON_START = 0.01
 _FAR_ITERATIONS = 14.0
+_NO_ROOT: Final = RemarkKind(
+    "opensees_start_far",
+    f"OpenSees starts its iteration at z = {_NEWTON_START:g}, far beyond the largest value {{value:.2g}} here, and may "
+    "find no root",
+    "convert with the scale {scale:.6g}, for which that is 1",
+)
+_STRAIN_STEP: Final = RemarkKind(
+    "opensees_strain_step",
+    "the error of OpenSees is proportional to its strain step: steps of at most {value:.3g} m keep that of z below "
+    "{percent:g} % of its largest value; a smaller tolerance changes nothing",
+)
+_SWAPPED: Final = RemarkKind(
+    "factors_swapped",
+    "the factors of |v| z and v |z| differ and papers swap their names: here sigma is {value:.4g}, swapped "
+    "{swapped:.4g}, and both make sense",
+    "check which factor the source multiplies by |v|",
+)
+_NOT_PASSIVE: Final = RemarkKind(
+    "loop_not_passive",
+    "sigma is {value:.4g}, below 1/2: closed loops dissipate, but the element is not passive",
+)
 
 
 @checked
@@ -162,22 +184,13 @@ def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> Flo
     return np.array([c0, m.alpha * m.ko, 0.0, (1.0 - m.alpha) * m.ko, m.beta, m.gamma, m.Ao, m.n])
 
 
-def solver_remarks(material: OpenSeesBoucWen, error: float = USUAL_OPENSEES_ERROR) -> tuple[str, ...]:
+def solver_remarks(material: OpenSeesBoucWen, error: float = USUAL_OPENSEES_ERROR) -> Iterator[Remark]:
     """Remarks on the OpenSees solver for z, whose error is of first order in the strain step."""
     if not material.is_bounded:
-        return ()
-    step = (
-        f"the error of OpenSees is proportional to its strain step: steps of at most {material.strain_step(error):.3g} "
-        f"m keep that of z below {100.0 * error:g} % of its largest value; a smaller tolerance changes nothing"
-    )
-    if material.finds_its_root:
-        return (step,)
-    scale = material.Ao / material.z_max
-    return (
-        f"OpenSees starts its iteration at z = {_NEWTON_START:g}, far beyond the largest value {material.z_max:.2g} "
-        f"here, and may find no root; convert with the scale {scale:.6g}, for which that is 1",
-        step,
-    )
+        return
+    if not material.finds_its_root:
+        yield _NO_ROOT.remark(measured=Measured(material.z_max, ""), scale=material.Ao / material.z_max)
+    yield _STRAIN_STEP.remark(measured=Measured(material.strain_step(error), "m"), percent=100.0 * error)
 
 
 def require_bounded_loop(theta: Floats) -> Floats:
@@ -199,23 +212,16 @@ def require_bounded_loop(theta: Floats) -> Floats:
     return theta
 
 
-def convention_remarks(theta: Floats) -> tuple[str, ...]:
+def convention_remarks(theta: Floats) -> Iterator[Remark]:
     """Remarks on a `bouc_wen`, shape (8,), whose source may have gamma and beta interchanged."""
     gamma, beta = float(theta[4]), float(theta[5])
     if gamma == beta or gamma + beta <= 0.0:
-        return ()
-    remarks = []
-    sigma = gamma / (gamma + beta)
+        return
+    sigma = Measured(gamma / (gamma + beta), "")
     if gamma > 0.0 and beta > 0.0:
-        remarks.append(
-            f"the factors of |v| z and v |z| differ and papers swap their names: here sigma is {sigma:.4g}, "
-            f"swapped {1.0 - sigma:.4g}, and both make sense; check which factor the source multiplies by |v|"
-        )
-    if sigma < 0.5:
-        remarks.append(
-            f"sigma is {sigma:.4g}, below 1/2: closed loops dissipate, but the element is not passive"
-        )
-    return tuple(remarks)
+        yield _SWAPPED.remark(measured=sigma, swapped=1.0 - sigma.value)
+    if sigma.value < 0.5:
+        yield _NOT_PASSIVE.remark(measured=sigma)
 
 
 Convention = Literal["spencer", "normalised", "opensees"]
@@ -236,7 +242,7 @@ class Converted(Summarised):
 
     convention: Convention
     parameters: Mapping[str, float]
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -262,7 +268,7 @@ class Converted(Summarised):
         return Summary(
             title=f"Bouc-Wen parameters, {self.convention}",
             tables=[Table(columns=("parameter", "value", "unit"), rows=rows)],
-            notes=[f"note: {remark}" for remark in self.remarks],
+            remarks=self.remarks,
         )
 
 
@@ -297,7 +303,7 @@ def convert(
         Where a parameter is not known or missing, or the loop is not bounded.
     """
     theta = _spencer(source, _complete(source, values), scale)
-    remarks = () if source == "normalised" else convention_remarks(theta)
+    remarks = () if source == "normalised" else tuple(convention_remarks(theta))
     if to == "opensees":
         material, c0 = opensees_from_bouc_wen(theta, Ao=1.0 if scale is None else scale)
         parameters = asdict(material) | {"c0": c0}

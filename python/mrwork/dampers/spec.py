@@ -17,6 +17,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, in_newtons, of_unit
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.units import CommandUnit
@@ -407,6 +408,8 @@ _N_COMMANDS = 201
 _VANISHED = 1e-3
 # Share of a bound that rounding may add to a value on it.
 _ROUNDING = 1e-9
+LAW_LEAVES_RANGE = RemarkKind("law_leaves_range", "{limit}, within the tested commands", "choose another law")
+LAW_BEYOND = RemarkKind("law_leaves_range_beyond", "{limit}", "test there before you rely on it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -438,6 +441,10 @@ class LawLimit:
             else f" from {self.first:.3g} to {self.last:.3g} {self.command_unit}"
         )
         return f"the law of {self.parameter} {what}: {value} at {at}{taken}{span}"
+
+    def remark(self, kind: RemarkKind) -> Remark:
+        """A remark of a kind whose text has the `limit` in words."""
+        return kind.remark(self.parameter, measured=Measured(self.value, self.unit), limit=self.in_words)
 
 
 def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]) -> tuple[LawLimit, ...]:
@@ -477,22 +484,20 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
 # Share of the larger of a law's values at two neighbouring commands by which it may pass both between them.
 _OVERSHOOT = 0.05
 _PER_GAP = 41
+_EXTREMUM = RemarkKind(
+    "extremum_untested",
+    "the law of {0} has an extremum between the tested commands {low:.3g} and {high:.3g} {1}, {extreme} at {command}, "
+    "that no test shows",
+    "test there, or {remedy}",
+)
 
 
 class HiddenExtremum(NamedTuple):
     """An extremum of a law between two tested commands, and a law through the same values that has none."""
 
     parameter: str
-    value: float
-    between: tuple[float, float]
     instead: CommandLaw | None
-    in_words: str
-
-    @property
-    def warning(self) -> str:
-        """Sentence on where the extremum is, and which test or law avoids it."""
-        remedy = f"give {self.parameter}={self.instead} as its law" if self.instead else "choose another law"
-        return f"{self.in_words}: test there, or {remedy}"
+    remark: Remark
 
 
 def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> tuple[HiddenExtremum, ...]:
@@ -529,12 +534,18 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
             None,
         )
         low, high = (levels[most % command.shape[1] + end] for end in (0, 1))
-        at = of_unit(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit, 3)
-        words = (
-            f"the law of {parameter.name} has an extremum between the tested commands {low:.3g} and {high:.3g} {unit}, "
-            f"{at} at {of_unit(float(command.flat[most]), unit, 3)}, that no test shows"
+        extreme = Measured(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit)
+        remark = _EXTREMUM.remark(
+            parameter.name,
+            unit,
+            measured=extreme,
+            low=low,
+            high=high,
+            extreme=of_unit(extreme.value, extreme.unit, 3),
+            command=of_unit(float(command.flat[most]), unit, 3),
+            remedy=f"give {parameter.name}={instead} as its law" if instead else "choose another law",
         )
-        extrema.append(HiddenExtremum(parameter.name, float(value.flat[most]), (low, high), instead, words))
+        extrema.append(HiddenExtremum(parameter.name, instead, remark))
     return tuple(extrema)
 
 

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import NotNegative, checked
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_noise
-from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
+from mrwork.dampers.spec import LAW_BEYOND, DamperSpec, LawLimit, law_limits
 
 OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
 _ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
@@ -48,6 +49,7 @@ _DISPLAYED: dict[str, tuple[str, float, str]] = {
     "power": ("W", 1.0, "kW"),
 }
 _NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
+_OUTSIDE = RemarkKind("outside_tested_range", "{demand}{where}", "test there before you rely on it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -225,6 +227,12 @@ class OperatingRange(Summarised):
         return Summary(title="Operating range", facts=self.rows())
 
 
+def outside_remark(exceedance: Exceedance, where: str = "") -> Remark:
+    """The warning of a demand outside a tested range, and `where` it is the worst of several."""
+    demanded = Measured(exceedance.demanded, exceedance.unit)
+    return _OUTSIDE.remark(exceedance.quantity, measured=demanded, demand=exceedance.in_words, where=where)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Outside(Summarised):
     """Demand on a damper outside its tested ranges, and laws that leave their admissible range under that demand.
@@ -244,18 +252,15 @@ class Outside(Summarised):
         return tuple(exceedance.quantity for exceedance in self.exceedances)
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """A sentence for each quantity and law."""
-        return (
-            *(exceedance.in_words for exceedance in self.exceedances),
-            *(limit.in_words for limit in self.laws),
-        )
+    def remarks(self) -> tuple[Remark, ...]:
+        """A warning of each quantity and law."""
+        return (*map(outside_remark, self.exceedances), *(limit.remark(LAW_BEYOND) for limit in self.laws))
 
     def _summary(self) -> Summary:
         title = "Within the tested ranges" if self.known else "Tested ranges not known"
         if self.names:
             title = f"Outside the tested ranges in {', '.join(self.names)}"
-        return Summary(title=title, notes=self.sentences)
+        return Summary(title=title, remarks=self.remarks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Warnings about a fit that has converged, one sentence each.
+"""What speaks against a fit that has converged.
 
 A moving average that was found in a record is applied also where the fit would be better without it: without it the
 parameters describe the smoothed loop and not the damper, and the fit to the same record says little about which is
@@ -9,54 +9,52 @@ of the motion makes errors of the parameters that residuals of the force do not 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from math import erf, sqrt
 
 import numpy as np
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import POLYNOMIAL_FORMS
 from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.covariance import Covariance, autocorrelation_time
-from mrwork.identification.effects import effect_warnings
-from mrwork.identification.minimise.driver_lag import missing_lag_warning
+from mrwork.identification.effects import unfitted_effects
+from mrwork.identification.minimise.driver_lag import missing_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by, up_to
 from mrwork.identification.progress import on_every_test
-from mrwork.identification.suspicious import linear_warning, temperature_warning
+from mrwork.identification.suspicious import no_better_than_linear, unlike_temperatures
 from mrwork.records import DamperTest
 from mrwork.records.motion import Differentiator
 
 
-def doubts_on_fit(ended: FinalFit, nrmse: float, *, is_suspected: bool) -> tuple[str, ...]:
-    """Warnings about a fit, computed from its tests; some fit the model again, which takes a while.
+def doubts_on_fit(ended: FinalFit, nrmse: float, *, is_suspected: bool) -> Iterator[Remark]:
+    """Warn by the tests of a fit; some checks fit the model again, which takes a while.
 
     They do not depend on the search that led to the fit, but for the suspicion that the minimum is false.
     """
     problem, objective, form, theta = ended.problem, ended.problem.objective, ended.problem.form, ended.theta
     # Another fit to the whole tests would cost as much as the final one.
     excerpts = objective.on(form.spec, excerpts_of(problem))
-    together: tuple[str, ...] = ()
-    if form.spec.command_unit is not None:
+    follows = problem.spec.command_unit is not None
+    yield from no_better_than_linear(nrmse, objective.tests, follows_command=follows)
+    if follows:
         # The search of laws, which a plain model does not need, is slow to load.
-        from mrwork.identification.minimise.level_search import worse_together
+        from mrwork.identification.minimise.level_search import better_alone
 
-        together = worse_together(problem, excerpts, theta, suspected=is_suspected)
-    return (
-        *linear_warning(nrmse, objective.tests, follows_command=problem.spec.command_unit is not None),
-        *together,
-        *temperature_warning(objective.tests),
-        *missing_lag_warning(objective, theta, form.box),
-        *needless_average_warnings(objective, form.box, theta),
-        *law_shape_warnings(excerpts, form.box, theta),
-        *effect_warnings(problem, ended.covariance),
-        *motion_noise_warning(ended.covariance, problem.spec.names),
-    )
+        yield from better_alone(problem, excerpts, theta, suspected=is_suspected)
+    yield from unlike_temperatures(objective.tests)
+    yield from missing_lag(objective, theta, form.box)
+    yield from needless_averages(objective, form.box, theta)
+    yield from other_law_shapes(excerpts, form.box, theta)
+    yield from unfitted_effects(problem, ended.covariance)
+    yield from motion_noise(ended.covariance, problem.spec.names)
 
 
 # The fit without the average is better if its misfit is below this share of that with it, and the mean difference of
@@ -66,10 +64,22 @@ _SIGNIFICANT = 2.0
 _MOST_ITERATIONS = 30
 # Samples of a window below which the straight lines between them smooth the model's force too.
 _FEW_SAMPLES = 6.0
+_NEEDLESS = RemarkKind(
+    "average_needless",
+    "{0}: without the moving average over {ms:.4g} ms, which was found in the record, the fit would be {plain:.2f} % "
+    "instead of {averaged:.2f} %, but its parameters would describe the smoothed loop and not the damper",
+    "try another model, or --observe none if the record was not smoothed",
+)
+_SHORT_AVERAGE = RemarkKind(
+    "average_of_few_samples",
+    "{0}: without the moving average over {ms:.4g} ms the fit would be {plain:.2f} % instead of {averaged:.2f} %; the "
+    "window has only {samples:.2g} samples at the step that is used, too few to average the model's force exactly",
+    "use every sample of the record, or --observe none",
+)
 
 
-def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
-    """Warning for each test whose fit improves significantly without its detected moving average.
+def needless_averages(objective: Objective, box: Box, theta: Floats) -> Iterator[Remark]:
+    """Warn of each test whose fit improves significantly without its detected moving average.
 
     A single test is fitted again from the fit `theta`, shape (n_params,); several are compared there.
     """
@@ -81,7 +91,7 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
         and test.observation.average_seconds == smoothing.window_seconds
     ]
     if not with_average:
-        return ()
+        return
     observations = [test.observation for test in objective.tests]
     for index in with_average:
         observations[index] = replace(observations[index], average_seconds=0.0)
@@ -93,7 +103,6 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
             # Its loop may be one that the limit of stiffness cuts off.
             refit = find_minima(up_to(without, np.inf), box, refit.theta, max_iterations=_MOST_ITERATIONS)
         refitted = refit.theta[0]
-    sentences = []
     for index in with_average:
         test = objective.tests[index]
         (averaged,), _ = objective.compared[index].residuals(theta[None])
@@ -105,39 +114,28 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
         gain = averaged**2 - plain**2
         n_effective = gain.size / autocorrelation_time(gain - gain.mean())
         if gain.mean() > _SIGNIFICANT * gain.std() / np.sqrt(n_effective):
-            sentences.append(_sentence(test, _fit_percent(test, averaged), _fit_percent(test, plain)))
-    return tuple(sentences)
+            n_window = (window := test.observation.average_seconds) / test.dt
+            kind = _SHORT_AVERAGE if n_window < _FEW_SAMPLES else _NEEDLESS
+            fits = {"plain": _fit_percent(test, plain), "averaged": _fit_percent(test, averaged)}
+            seconds = Measured(window, "s")
+            yield kind.remark(test.label, measured=seconds, ms=1e3 * window, samples=n_window, **fits)
 
 
 def _fit_percent(test: DamperTest, residual: Floats) -> float:
     return 100.0 * (1.0 - float(np.sqrt(np.mean(residual**2)) / np.std(test.force[test.counted])))
 
 
-def _sentence(test: DamperTest, averaged: float, plain: float) -> str:
-    window = test.observation.average_seconds
-    samples = window / test.dt
-    if samples < _FEW_SAMPLES:
-        reason = (
-            f"the window has only {samples:.2g} samples at the step that is used, too few to average the model's force "
-            "exactly: use every sample of the record, or --observe none"
-        )
-    else:
-        reason = (
-            "it is applied because it was found in the record, and without it the parameters describe the smoothed "
-            "loop and not the damper; try another model, or --observe none if the record was not smoothed"
-        )
-    return (
-        f"{test.label}: without the moving average over {1e3 * window:.4g} ms the fit would be {plain:.2f} % instead "
-        f"of {averaged:.2f} %; {reason}"
-    )
-
-
 # The other laws are named where their misfit is below this share: less is no reason to choose them by the same tests.
 _FAR_BETTER = 0.8
+_OTHER_LAWS = RemarkKind(
+    "other_laws_better",
+    "other laws describe the tests better: {value:.2f} % against {percent:.2f} %",
+    "give {0}",
+)
 
 
-def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
-    """Warning where polynomials through logarithms in place of values, or the reverse, fit far better from `theta`."""
+def other_law_shapes(objective: Objective, box: Box, theta: Floats) -> Iterator[Remark]:
+    """Warn where polynomials through logarithms in place of values, or the reverse, fit far better from `theta`."""
     spec = objective.spec
     through = {
         parameter.name: other_law
@@ -146,19 +144,16 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
         if law.form in POLYNOMIAL_FORMS and other_law.form in POLYNOMIAL_FORMS
     }
     if not through:
-        return ()
+        return
     by_values = with_changed_laws(spec, through)
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
     reference, misfits = float(objective(theta[None])[0]), float(other(minimum.theta)[0])
-    if not misfits < _FAR_BETTER * reference:
-        return ()
-    named = ", ".join(f"{name}={law}" for name, law in through.items())
-    return (
-        f"other laws describe the tests better: {100.0 * (1.0 - misfits):.2f} % against "
-        f"{100.0 * (1.0 - reference):.2f} %; give {named}",
-    )
+    if misfits < _FAR_BETTER * reference:
+        named = ", ".join(f"{name}={law}" for name, law in through.items())
+        fit = Measured(100.0 * (1.0 - misfits), "%")
+        yield _OTHER_LAWS.remark(named, measured=fit, percent=100.0 * (1.0 - reference))
 
 
 # Number of motions with more noise that are simulated at most, and in a round.
@@ -170,10 +165,16 @@ _HELD = 0.91
 _QUANTILE = 1.96
 # Standard errors of the mean square of the draws so far by which it may be too small, when no more are drawn.
 _SURELY = 2.0
+_MOTION_NOISE = RemarkKind(
+    "motion_noise",
+    "noise of the motion dominates: it moves {0} by about {value:.2g} times the error that the residuals of the force "
+    "give it, so that 95 % intervals hold about {coverage:.0f} % of the parameters",
+    "{remedy}measure the motion with less noise",
+)
 
 
-def motion_noise_warning(covariance: Covariance, names: Sequence[str]) -> tuple[str, ...]:
-    """Warning where noise of the motion lowers the expected coverage of 95 % intervals to about 90 % or less.
+def motion_noise(covariance: Covariance, names: Sequence[str]) -> Iterator[Remark]:
+    """Warn where noise of the motion lowers the expected coverage of 95 % intervals to about 90 % or less.
 
     The model integrates the noise of the recorded motion: its force is wrong at reversals, by errors that the few
     samples there hardly show. That noise, estimated from the records, is added once more, and the change of the force
@@ -187,7 +188,7 @@ def motion_noise_warning(covariance: Covariance, names: Sequence[str]) -> tuple[
     objective, form, theta, interior = slopes.objective, slopes.form, slopes.theta, slopes.interior
     finite = np.isfinite(standard_errors) & (standard_errors > 0.0)
     if not finite.any() or not interior:
-        return ()
+        return
     inverse = np.linalg.pinv(slopes.by_interior().T)
     noises = [_noise_of_motion(test) for test in objective.tests]
 
@@ -213,16 +214,16 @@ def motion_noise_warning(covariance: Covariance, names: Sequence[str]) -> tuple[
         shares = np.sqrt(np.mean(np.square(changes), axis=0))[finite] / standard_errors[finite]
         # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
         if _estimate_coverage(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
-            return ()
-    if not changes or _estimate_coverage(shares) >= _HELD:
-        return ()
+            return
+    if not changes or (coverage := _estimate_coverage(shares)) >= _HELD:
+        return
     worst = int(np.argmax(shares))
     measured = any(test.velocity_source == "measured" for test in slopes.objective.tests)
-    remedy = "derive the velocity from the displacement by --repair velocity, or " if measured else ""
-    return (
-        f"noise of the motion dominates: it moves {np.array(names)[finite][worst]} by about {shares[worst]:.2g} times "
-        f"the error that the residuals of the force give it, so that 95 % intervals hold about "
-        f"{100 * _estimate_coverage(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
+    yield _MOTION_NOISE.remark(
+        str(np.array(names)[finite][worst]),
+        measured=Measured(float(shares[worst]), ""),
+        coverage=100.0 * coverage,
+        remedy="derive the velocity from the displacement by --repair velocity, or " if measured else "",
     )
 
 

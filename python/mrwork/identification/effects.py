@@ -11,7 +11,7 @@ shows a late force by its corners at reversals, see `force_delay`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import ceil
 from typing import Final
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import significant
-from mrwork.base.remark import Measured
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.covariance import Covariance, Slopes, state_of
@@ -33,8 +33,8 @@ from mrwork.identification.problem import (
     SAME_FREQUENCY,
     Problem,
     are_at_one_frequency,
-    command_warning,
     frequency_ranges,
+    pooled_commands,
     with_free,
 )
 from mrwork.identification.suspicious import force_noise
@@ -62,9 +62,15 @@ _SAMPLES = 3.0
 _PERIODS = 0.02
 _LARGE = 0.1
 _FAR = 5.0
-# Share by which the misfits of a delay and of a lag may differ where the sentence names both.
+# Share by which the misfits of a delay and of a lag may differ where the remark names both.
 _ALIKE = 0.02
 _IT: Final = {1: "it", 2: "both"}
+_UNKNOWN: Final = RemarkKind(
+    "delay_unknown",
+    "a delay of the force of {ms:.2g} ms that is not known would move {0} by about {percent:.0f} %, {errors:.0f} times "
+    "its standard error, and these tests do not tell it",
+    "measure it and give it by --observe delay=SECONDS, or test at several frequencies",
+)
 _SETS: Final[tuple[Effects, ...]] = ((_LAG,), (_DELAY,), (_MASS,), (_MASS, _LAG), (_MASS, _DELAY))
 
 
@@ -77,8 +83,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
     problem, effects = fit.problem, fit.problem.settings.free_effects
     if not effects and WEIGH in problem.settings.observe and (found := _weigh(problem, fit.covariance)):
         effects = found.best.effects if found.best else ()
-        told = f"{found.sentence}; {'fitted with the parameters' if effects else found.cure}"
-        fit = replace(fit, warnings=(*fit.warnings, told))
+        fit = replace(fit, remarks=(*fit.remarks, found.remark(_FITTED)))
     if not effects:
         return fit
     fitted = _fit_with(problem.objective, problem.form, effects, fit.theta, tolerance=TOLERANCE)
@@ -204,6 +209,17 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
     return ~np.isin(slopes.form.box.free, slopes.interior)[None]
 
 
+_PAY: Final = "{found}: with {it} fits to the other tests predict each to {predicted}"
+_FITTED: Final = RemarkKind("effects_fitted", f"{_PAY}; fitted with the parameters")
+_UNFITTED: Final = RemarkKind("effects_unfitted", _PAY, "fit {it} by {options}{unless}")
+_HIDDEN: Final = RemarkKind(
+    "effects_hidden",
+    "with and without a mass that moves between damper and load cell, or a late force, fits reach {value:.0f} % at "
+    "most: the model describes too little to tell them, and its stiffness and damping may be theirs",
+    "compare models (--model A,B)",
+)
+
+
 @array_dataclass()
 class _Found:
     """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
@@ -219,20 +235,18 @@ class _Found:
     earlier: float
     least: float
 
-    @property
-    def sentence(self) -> str:
-        """What the effects are, how much better the tests are predicted with them, and what they do to a parameter."""
-        best, told = self.best, list[str]()
+    def remark(self, kind: RemarkKind) -> Remark:
+        """What the effects are, how much better the tests are predicted with them, and what they do to a parameter.
+
+        The `kind` says whether they are fitted; it is another one where none is the best.
+        """
+        best, told, sizes = self.best, list[str](), list[Measured]()
         if best is None:
-            return (
-                f"with and without a mass that moves between damper and load cell, or a late force, fits "
-                f"reach {100.0 * (1.0 - self.least):.0f} % at most: the model describes too little to tell them, and "
-                "its stiffness and damping may be theirs"
-            )
+            return _HIDDEN.remark(measured=Measured(100.0 * (1.0 - self.least), "%"))
         for effect, value, error in zip(
             best.effects, best.values.tolist(), best.errors.tolist(), strict=True
         ):
-            size = Measured(abs(value), effect.unit, standard_error=error)
+            sizes.append(size := Measured(abs(value), effect.unit, standard_error=error))
             if effect is _MASS:
                 told.append(f"a mass of {size.in_words()} kg moves between damper and load cell")
                 continue
@@ -260,36 +274,32 @@ class _Found:
                 f"{significant(after[worst], 3)} instead of {significant(before[worst], 3)} {parameter.unit}"
             )
             changed = f", and {parameter.name} is {values}"
-        return (
-            f"{' and '.join(told)}, one for all tests{also}: with {_IT[len(told)]} fits to the other tests predict "
-            f"each to {100.0 * (1.0 - best.predicted):.2f} % instead of {100.0 * (1.0 - self.earlier):.2f} %{changed}"
+        late, model = (
+            ("motion", "with more friction") if best.values[-1] < 0.0 else ("force", "whose force relaxes")
+        )
+        unless = f" if the channel of the {late} is late, else try a model {model}"
+        fits = [f"{100.0 * (1.0 - misfit):.2f} %" for misfit in (best.predicted, self.earlier)]
+        return kind.remark(
+            *(effect.name for effect in best.effects),
+            measured=sizes[0],
+            found=f"{' and '.join(told)}, one for all tests{also}",
+            it=_IT[len(told)],
+            predicted=f"{' instead of '.join(fits)}{changed}",
+            options=" ".join(f"--observe {effect.name}=free" for effect in best.effects),
+            unless="" if _MASS in best.effects else unless,
         )
 
-    @property
-    def cure(self) -> str:
-        """What to type, and else to try."""
-        best = self.best
-        if best is None:
-            return "compare models (--model A,B)"
-        options = " ".join(f"--observe {effect.name}=free" for effect in best.effects)
-        cure = f"fit {_IT[len(best.effects)]} by {options}"
-        if _MASS in best.effects:
-            return cure
-        if best.values[-1] < 0.0:
-            return f"{cure} if the channel of the motion is late, else try a model with more friction"
-        return f"{cure} if the channel of the force is late, else try a model whose force relaxes"
 
-
-def effect_warnings(problem: Problem, covariance: Covariance) -> tuple[str, ...]:
-    """Warning of effects on the recorded force that pay, or of damping that an unknown delay would change by far."""
+def unfitted_effects(problem: Problem, covariance: Covariance) -> Iterator[Remark]:
+    """Warn of effects on the recorded force that pay, or of damping that an unknown delay would change by far."""
     # What is to be weighed was weighed before, by `fit_effects`.
-    if WEIGH not in problem.settings.observe and (found := _weigh(problem, covariance)):
-        return (f"{found.sentence}; {found.cure}",)
     slopes = covariance.slopes
-    if _DELAY in _known(problem) or not slopes.interior:
-        return ()
-    on_time = Slopes.at(*with_free(slopes.objective, slopes.form, (_DELAY,)), np.array([*slopes.theta, 0.0]))
-    return _unknown_delay(problem, on_time, covariance.standard_errors)
+    if WEIGH not in problem.settings.observe and (found := _weigh(problem, covariance)):
+        yield found.remark(_UNFITTED)
+    elif _DELAY not in _known(problem) and slopes.interior:
+        free = with_free(slopes.objective, slopes.form, (_DELAY,))
+        on_time = Slopes.at(*free, np.array([*slopes.theta, 0.0]))
+        yield from _unknown_delay(problem, on_time, covariance.standard_errors)
 
 
 def _known(problem: Problem) -> set[Effect]:
@@ -335,7 +345,7 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
     is_noise = least * np.sqrt(np.mean([test.variance for test in slopes.objective.compared])) <= (
         STRUCTURE * force_noise(tests)
     )
-    if best is None and (least < _WRONG or is_noise or command_warning(tests, (problem.spec,))):
+    if best is None and (least < _WRONG or is_noise or any(pooled_commands(tests, (problem.spec,)))):
         return None
     return _Found(problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier, least=least)
 
@@ -346,8 +356,8 @@ def _absorbing(problem: Problem, effects: Effects) -> list[int]:
     return [index for index, parameter in enumerate(problem.spec.parameters) if parameter.unit == unit]
 
 
-def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats) -> tuple[str, ...]:
-    """Warning of damping that an unknown delay would change by far more than its standard error."""
+def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats) -> Iterator[Remark]:
+    """Warn of damping that an unknown delay would change by far more than its standard error."""
     tests = on_time.objective.tests
     highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
     seconds = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
@@ -370,12 +380,9 @@ def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats) -> tuple[s
         if abs(shift[index]) > max(_FAR * errors[index], _LARGE * abs(value[index]))
         and errors[index] > 0.0 < abs(value[index])
     ]
-    if not far:
-        return ()
-    worst = max(far, key=lambda index: abs(shift[index]) / errors[index])
-    name, share = problem.spec.names[worst], abs(shift[worst] / value[worst])
-    return (
-        f"a delay of the force of {1e3 * seconds:.2g} ms that is not known would move {name} by about "
-        f"{100.0 * share:.0f} %, {abs(shift[worst]) / errors[worst]:.0f} times its standard error, and these tests do "
-        "not tell it; measure it and give it by --observe delay=SECONDS, or test at several frequencies",
-    )
+    if far:
+        worst = max(far, key=lambda index: abs(shift[index]) / errors[index])
+        percent, times = 100.0 * abs(shift[worst] / value[worst]), abs(shift[worst]) / errors[worst]
+        delay = Measured(float(seconds), "s")
+        name = problem.spec.names[worst]
+        yield _UNKNOWN.remark(name, measured=delay, ms=1e3 * seconds, percent=percent, errors=times)

@@ -13,6 +13,7 @@ from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import TableColumn, declared, text_table
 from mrwork.base.values import Floats, array_dataclass
@@ -330,8 +331,8 @@ class Fit(Plotted, WithAxes, Summarised):
     `force_noise_n` is the noise of the forces of the tests from sample to sample [N].
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts steps of the final fit, one simulation with its derivatives each. `tests` were fitted, and
-    `forces` are the forces of free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
-    mislead in the result, and `status_reason` says why it has not converged, or what a converged fit costs in a
+    `forces` are the forces of free runs on them, [N], shape (n_time,); `remarks` say what could mislead in the
+    result, and `status_reason` says why it has not converged, or what a converged fit costs in a
     building; `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the
     ranges of motion, command and load of the tests; `live_settings` are the settings with the search that ran. A fit
     that was read from its file has neither tests nor forces nor live settings. `half_step_percent` is the change of
@@ -362,7 +363,7 @@ class Fit(Plotted, WithAxes, Summarised):
     n_effective: Positive | None = None
     directions: tuple[Direction, ...] = ()
     intervals: Intervals | None = None
-    warnings: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     status_reason: str = ""
     motions: tuple[RecordedMotion, ...]
     tested: OperatingRange
@@ -541,18 +542,6 @@ class Fit(Plotted, WithAxes, Summarised):
         return times if times > STRUCTURE else None
 
     @property
-    def model_error(self) -> str:
-        """What errors of parameters mean beside a residual that is structure; empty where it is noise of the force."""
-        if self.times_noise is None:
-            return ""
-        errors = "a standard error is" if self.intervals is None else "an interval is"
-        return (
-            f"the residual, {self.rmse_n:.3g} N rms, is {self.times_noise:.2g} times the noise of the force: {errors} "
-            "of the best parameters of a model that leaves structure, not of the damper, and tests of other motions "
-            "may move a parameter by more; other models may leave less (--model all)"
-        )
-
-    @property
     def informative(self) -> tuple[Direction, ...]:
         """The directions without those dominated by an identifiable or negligible parameter."""
         settled = {
@@ -657,11 +646,12 @@ class Fit(Plotted, WithAxes, Summarised):
             "current_laws": None if self.current is None else asdict(self.current),
             "directions": [asdict(direction) for direction in self.directions],
             "observation": self.observation_in_words,
-            **named(self, "fit_percent", "nrmse", "rmse_n", "force_noise_n", "model_error"),
+            **named(self, "fit_percent", "nrmse", "rmse_n", "force_noise_n"),
             "error_norms": asdict(self.error_norms),
             **named(self, "status", "status_reason", "stop_reason"),
             "tested_range": asdict(self.tested),
-            **named(self, "warnings", "evaluations", "refinement_steps", "seconds", "n_time", "n_effective"),
+            "remarks": [asdict(remark) for remark in self.remarks],
+            **named(self, "evaluations", "refinement_steps", "seconds", "n_time", "n_effective"),
             "rng": self.provenance.rng,
             "files": [
                 {"file": quality_of_test.test, **asdict(quality_of_test)} for quality_of_test in self.quality
@@ -685,12 +675,9 @@ class Fit(Plotted, WithAxes, Summarised):
                 ("ended", self.trace.ended),
                 ("step", "" if self.half_step_percent is None else step_in_words(self.half_step_percent)),
             ),
-            cautions=self.warnings,
+            remarks=self.remarks,
             tables=tables,
-            notes=[
-                *filter(None, [self.model_error]),
-                *(direction.sentence for direction in self.informative),
-            ],
+            notes=[direction.sentence for direction in self.informative],
         )
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrwork.base.arguments import Seed, Threads, checked
+from mrwork.base.remark import Measured, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw
 from mrwork.dampers.simulation import Loading, simulate_force
@@ -25,6 +26,11 @@ _SINES = ((1.0, 1.0), (0.5, 1.0), (1.0, 0.3), (0.25, 0.3))
 _UNSEEN = ((0.5, 0.5), (0.3, 0.4))
 _CYCLES, _PER_CYCLE = 3, 200
 _LEVELS = 4
+_LIKE = RemarkKind(
+    "fitted_to_model",
+    "it is fitted to the force of {0}, not to tests, and differs from it by {value:.2g} % of the force over its tested "
+    "range, at most {most:.2g} % ({1}), and by {unseen:.2g} % under a motion that was not fitted",
+)
 
 
 @checked
@@ -53,7 +59,7 @@ def fit_like(
     Returns
     -------
     Fit
-        With the tested ranges of `fit`. Its one warning says how close the forces are, in per cent of the root mean
+        With the tested ranges of `fit`. Its one remark says how close the forces are, in per cent of the root mean
         square of the force: over these motions, and under one between them that was not fitted.
 
     Raises
@@ -83,15 +89,12 @@ def fit_like(
         _percent(near.spec, theta, loading, test.force) for loading, test in zip(loaded, tests, strict=True)
     ]
     worst = tests[int(np.argmax(apart))].name
-    sentence = (
-        f"it is fitted to the force of {fit.model}, not to tests, and differs from it by {np.mean(apart):.2g} % of the "
-        f"force over its tested range, at most {max(apart):.2g} % ({worst})"
-    )
     between = _loading(tested, _UNSEEN, commands[len(commands) // 2])
     unseen = _percent(near.spec, theta, between, _test(fit, between, 0).force)
-    sentence += f", and by {unseen:.2g} % under a motion that was not fitted"
+    mean = Measured(float(np.mean(apart)), "%")
+    remark = _LIKE.remark(fit.model, worst, measured=mean, most=max(apart), unseen=unseen)
     # The data are simulated: doubts about measurements do not apply.
-    return replace(near, tested=tested, warnings=(sentence,))
+    return replace(near, tested=tested, remarks=(remark,))
 
 
 def _commands(spec: DamperSpec, tested: OperatingRange) -> list[float | None]:

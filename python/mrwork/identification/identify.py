@@ -30,7 +30,7 @@ from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying
-from mrwork.identification.result import BuildingCost, cost_warning, fit_at
+from mrwork.identification.result import BuildingCost, cost_remark, fit_at
 from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
@@ -51,7 +51,7 @@ class _Call(FitSettings):
     ----------
     model
         A model or its name. A driver's lag that tests of varying commands do not show, with a rate that the bounds do
-        not fix, is left out of the fit, and a warning says so.
+        not fix, is left out of the fit, and a remark says so.
     tests
         One test or several. All have the same weight, independent of length and force.
     threads
@@ -108,7 +108,7 @@ def identify(call: _Call) -> Fit:
     Warns
     -----
     MrworkWarning
-        Before the search, where the tests are at several commands and the model has no law; see `Fit.warnings`.
+        Before the search, where the tests are at several commands and the model has no law; see `Fit.remarks`.
 
     Examples
     --------
@@ -144,16 +144,16 @@ def identify_with(
 ) -> Fit:
     """`identify` with its settings as one value.
 
-    Without `warns` its warnings are with the fit only. Without `examines` nothing is looked for that speaks against a
+    Without `warns` its remarks are with the fit only. Without `examines` nothing is looked for that speaks against a
     fit which has converged. Where the search was made before, `searched` are the box of the final fit and the trace
     that led to the first start of the settings, from which it begins, and `doubt` says why a lower minimum is possible.
     The search of laws begins `near` the fit to which other laws have led, and looks whether another route meets it.
     """
     spec = damper(model) if isinstance(model, str) else model
     problem = Problem.of(spec, as_tests(tests), settings, threads=threads, journal=journal)
-    for sentence in problem.warnings if warns else ():
+    for remark in problem.foreseen() if warns else ():
         # Of the line that calls `identify`.
-        warn(sentence, MrworkWarning, stacklevel=6)
+        warn(remark.message, MrworkWarning, stacklevel=6)
     if searched is not None:
         problem = replace(problem, form=replace(problem.form, box=searched[0]))
     tally = problem.objective.tally
@@ -276,14 +276,16 @@ class _Identification:
         fit = replace(fit, effects=ended.effects)
         if not self.examines:
             return replace(fit, status_reason=reason, seconds=call.seconds)
-        doubts = interruptible(lambda: doubts_on_fit(ended, fit.nrmse, is_suspected=bool(points.doubt)))
+        doubts = interruptible(
+            lambda: tuple(doubts_on_fit(ended, fit.nrmse, is_suspected=bool(points.doubt)))
+        )
         cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
         if cost.is_high:
             reason = reason or cost.in_words
-            doubts = (*doubts, cost_warning(fit, cost))
+            doubts = (*doubts, cost_remark(fit, cost))
         return replace(
             fit,
-            warnings=(*fit.warnings, *ended.warnings, *doubts),
+            remarks=(*fit.remarks, *ended.remarks, *doubts),
             status_reason=reason,
             single_commands=interruptible(lambda: _single_commands(problem, fit)),
             seconds=call.seconds,

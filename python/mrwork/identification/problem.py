@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from math import isfinite
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.base.arguments import checked
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_level
@@ -26,7 +27,7 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.objective import Objective, ties_of
-from mrwork.identification.residual import bounds_without_offsets, offset_warning
+from mrwork.identification.residual import bounds_without_offsets, unlike_offsets
 from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.records import DamperTest, observed
 from mrwork.records.observation import Effect
@@ -39,6 +40,22 @@ _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 # Shares of the power of the velocity between which the frequencies of a test lie; those below this ratio are one.
 _MOST_POWER = (0.2, 0.8)
 SAME_FREQUENCY = 1.3
+_POOLED = RemarkKind(
+    "commands_pooled",
+    "{observation} but no parameter of {0} follows the command: the fit is a compromise between them, right at none",
+    "let parameters follow the command with --law auto or --law NAME=LAW (in Python `with_current_laws`), or give "
+    "tests at one command",
+)
+_COMMAND_IGNORED = RemarkKind(
+    "command_ignored",
+    "the command varies in {1}, and no parameter of this {0} follows it: the predicted force is that of one command",
+    "identify it with --law NAME=LAW (in Python `with_current_laws`)",
+)
+_RATE_HIDDEN = RemarkKind(
+    "lag_rate_hidden",
+    "the command is constant in every test, so nothing shows the rate eta of the driver's lag",
+    "add a test with a command that varies, fix it with --fix eta=VALUE, or leave the lag out",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,20 +119,13 @@ class Problem:
         objective, form = with_free(self.objective, self.form, free)
         return replace(self, objective=objective, form=form)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on why any result is likely to mislead, known before the search."""
-        tests, settings, rate = self.objective.tests, self.settings, list[str]()
+    def foreseen(self) -> Iterator[Remark]:
+        """Why any result is likely to mislead, known before the search."""
+        tests, settings = self.objective.tests, self.settings
+        yield from pooled_commands(tests, (self.spec,))
         if self.shows_rate is False:
-            rate = [
-                "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test "
-                "with a command that varies, fix it with --fix eta=VALUE, or leave the lag out"
-            ]
-        return (
-            *command_warning(tests, (self.spec,)),
-            *rate,
-            *offset_warning(settings.observe, self.spec, settings.bounds, tests),
-        )
+            yield _RATE_HIDDEN.remark()
+        yield from unlike_offsets(settings.observe, self.spec, settings.bounds, tests)
 
     @property
     def shows_rate(self) -> bool | None:
@@ -255,8 +265,8 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
     }
 
 
-def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) -> tuple[str, ...]:
-    """A sentence where models with constant parameters are to describe several commands; else nothing."""
+def pooled_commands(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) -> Iterator[Remark]:
+    """Warn where models with constant parameters are to describe several commands."""
     commands = [test.commands[0] for test in tests if test.commands]
     levels = sorted(
         {(unit, command_level(value, unit)) for value, unit in commands if not isinstance(value, np.ndarray)}
@@ -264,7 +274,7 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
     varying = {command.in_words for command in commands if command.varies}
     constant = [spec.name for spec in specs if spec.command_unit is None]
     if not constant or len(levels) + 2 * len(varying) < 2:
-        return ()
+        return
     listing = [
         f"{', '.join(f'{level:g}' for level_unit, level in levels if level_unit == unit)} {unit}"
         for unit in dict.fromkeys(unit for unit, _ in levels)
@@ -273,23 +283,14 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
         observation = f"the command varies during tests ({'; '.join([*listing, *sorted(varying)])})"
     else:
         observation = f"the tests are at {len(levels)} commands ({', '.join(listing)})"
-    return (
-        f"{observation} but no parameter of {list_names(constant)} follows the "
-        "command, so the fit is a compromise between them and right at none; let parameters follow the command "
-        "with --law auto or --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
-    )
+    yield _POOLED.remark(list_names(constant), observation=observation)
 
 
-def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[str, ...]:
-    """A sentence where a model with constant parameters is to predict a command that varies; else nothing."""
+def ignored_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Iterator[Remark]:
+    """Warn where a model with constant parameters is to predict a command that varies."""
     varying = [test.label for test in tests if test.has_varying_command]
-    if spec.follows_command or not varying:
-        return ()
-    return (
-        f"the command varies in {list_names(varying)}, but no parameter of this {spec.name} follows it, so the "
-        "predicted force is that of the command of the fit; identify it with --law NAME=LAW "
-        "(in Python `with_current_laws`)",
-    )
+    if varying and not spec.follows_command:
+        yield _COMMAND_IGNORED.remark(spec.name, list_names(varying))
 
 
 @checked

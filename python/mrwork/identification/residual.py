@@ -7,7 +7,7 @@ squares `sum r^2` becomes `scale^2 sum rho(z)`, as in `scipy.optimize.least_squa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork import _rust
 from mrwork.base.arguments import AnyArray, unchecked
 from mrwork.base.hints import SMALLEST
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import (
@@ -49,6 +50,17 @@ _stiffness_shares = unchecked(stiffness_shares)
 _simulate_forces, _simulate_sensitivities = unchecked(simulate_forces), unchecked(simulate_sensitivities)
 
 _OFFSET = EFFECTS["offset"]
+_UNESTIMATED = RemarkKind(
+    "effects_not_estimated",
+    "the fit estimated the {0} for each test{held}, and this prediction does not, so it is worse by what they change",
+    "{options}, as in the fit, estimates them from the measured force of each test",
+)
+_OFFSET_CURE = "subtract the offset by --repair offset, or estimate it for each test by --observe offset=each"
+_OFFSET_LACKING = RemarkKind(
+    "offset_not_described",
+    "the force has a static offset in {0}, and {1}, so the model cannot describe it",
+    f"{{cure}}, {_OFFSET_CURE}",
+)
 
 
 def estimated_in_words(effects: Sequence[Effect]) -> str:
@@ -56,18 +68,13 @@ def estimated_in_words(effects: Sequence[Effect]) -> str:
     return " and ".join(f"{effect.name} of the force" for effect in effects)
 
 
-def missing_warnings(fitted: Sequence[str], used: Sequence[str]) -> tuple[str, ...]:
-    """A warning where the fit estimated effects of each test that a prediction, observed by other words, does not."""
+def unestimated_effects(fitted: Sequence[str], used: Sequence[str]) -> Iterator[Remark]:
+    """Warn where the fit estimated effects of each test that a prediction, observed by other words, does not."""
     missing = [effect for effect in effects_of_each(fitted) if effect not in effects_of_each(used)]
-    if not missing:
-        return ()
-    held = ", and its model has no offset of its own" if _OFFSET in missing else ""
-    words = " ".join(f"--observe {effect.name}={EACH}" for effect in missing)
-    return (
-        f"the fit estimated the {estimated_in_words(missing)} for each test{held}; this prediction does not, so it is "
-        f"worse than the fit by what they change; {words}, as in the fit, estimates them from the measured force of "
-        "each test",
-    )
+    if missing:
+        held = ", and its model has no offset of its own" if _OFFSET in missing else ""
+        options = " ".join(f"--observe {effect.name}={EACH}" for effect in missing)
+        yield _UNESTIMATED.remark(estimated_in_words(missing), held=held, options=options)
 
 
 def refuse_free(words: Sequence[str], who: str) -> None:
@@ -83,49 +90,51 @@ def bounds_without_offsets(words: Sequence[str], spec: DamperSpec) -> dict[str, 
     return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if _OFFSET in effects_of_each(words) else {}
 
 
-def offset_warning(
+def unlike_offsets(
     words: Sequence[str],
     spec: DamperSpec,
     bounds: Mapping[str, tuple[float, float]],
     tests: Sequence[DamperTest],
-) -> tuple[str, ...]:
-    """A warning where tests have a static offset of the force that the model cannot describe, or unequal ones."""
+) -> Iterator[Remark]:
+    """Warn of tests with a static offset of the force that the model cannot describe, or with unequal ones."""
     shifts = _shifts(spec)
     if _OFFSET in effects_of_each(words):
-        return ()
+        return
     if any(bounds.get(name) != (0.0, 0.0) for name in shifts):
-        return _unequal_offsets(tests) if set(shifts) <= set(spec.without_laws.names) else ()
+        if set(shifts) <= set(spec.without_laws.names):
+            yield from _unequal_offsets(tests)
+        return
     shifted = [
         test.label for test in tests if any(remark.code == FORCE_OFFSET.code for remark in test.remarks)
     ]
     if not shifted:
-        return ()
+        return
     fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
     lacks, cure = (fixed, f"leave {list_names(shifts)} free")
     if not shifts:
         lacks, cure = f"no parameter of {spec.name} adds a constant force", "add one to its equations"
-    return (
-        f"the force has a static offset in {list_names(shifted)}, and {lacks}, so the model cannot describe it; "
-        f"{cure}, subtract the offset by --repair offset, or estimate it for each test by --observe offset=each",
-    )
+    yield _OFFSET_LACKING.remark(list_names(shifted), lacks, cure=cure)
 
 
 # Share of the least half range of the force by which static offsets differ that one parameter cannot describe.
 _UNEQUAL = 0.25
+_OFFSETS_UNLIKE = RemarkKind(
+    "offsets_unlike",
+    "the static offset of the force is {least:+.3g} N in {0} and {most:+.3g} N in {1}, and the model has one for all",
+    _OFFSET_CURE,
+)
 
 
-def _unequal_offsets(tests: Sequence[DamperTest]) -> tuple[str, ...]:
+def _unequal_offsets(tests: Sequence[DamperTest]) -> Iterator[Remark]:
     # Under a varying command the mean force is no static one.
     told = [(test, static_force(test.displacement, test.force, test.velocity)) for test in tests]
     known = [(test, offset) for test, offset in told if offset is not None and not test.has_varying_command]
     held, offsets = [test for test, _ in known], [offset for _, offset in known]
     if not held or np.ptp(offsets) <= _UNEQUAL * min(half_range(test.force) for test in held):
-        return ()
+        return
     least, most = int(np.argmin(offsets)), int(np.argmax(offsets))
-    return (
-        f"the static offset of the force is {offsets[least]:+.3g} N in {held[least].label} and {offsets[most]:+.3g} N "
-        f"in {held[most].label}, and the model has one for all tests; subtract it by --repair offset, or estimate it "
-        "for each test by --observe offset=each",
+    yield _OFFSETS_UNLIKE.remark(
+        held[least].label, held[most].label, least=offsets[least], most=offsets[most]
     )
 
 

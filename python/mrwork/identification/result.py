@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import MOST_SUBSTEPS, stiffness_shares
-from mrwork.dampers.spec import DamperSpec, hidden_extrema, law_limits
-from mrwork.dampers.tested_range import OperatingRange
+from mrwork.dampers.spec import LAW_BEYOND, LAW_LEAVES_RANGE, DamperSpec, hidden_extrema, law_limits
 from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
 from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
@@ -52,7 +52,7 @@ def explain_failures(fit: Fit, test: DamperTest) -> Iterator[None]:
     try:
         yield
     except SimulationError as error:
-        reasons = "; ".join(fit.outside(test).sentences)
+        reasons = "; ".join(remark.message for remark in fit.outside(test).remarks)
         raise SimulationError(
             f"{error}; outside the tested range: {reasons}" if reasons else str(error)
         ) from error
@@ -120,9 +120,8 @@ def fit_at(
         if status == "interrupted"
         else _half_step_change(spec, values, objective, [force for force, _ in runs])
     )
-    coarse = () if change is None or change <= _MOST_CHANGE else (step_in_words(change),)
     nrmse = rms([test_quality.nrmse for test_quality in quality])
-    return Fit(
+    fit = Fit(
         model=spec.name,
         own=None if spec.own is None else spec.without_laws,
         estimates=estimates,
@@ -152,9 +151,9 @@ def fit_at(
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,
         half_step_percent=change,
-        warnings=(*problem.warnings, *coarse, *_law_warnings(spec, values, tested)),
         tested=tested,
     )
+    return replace(fit, remarks=(*problem.foreseen(), *_remarks_on(fit)))
 
 
 # Largest change of the force by half the step, in per cent of its deviation, that is not worth a warning.
@@ -184,24 +183,29 @@ def _half_step_change(
 
 # Commands up to this factor above the tested ones are near them; and so is zero, at which every driver starts.
 _NEAR = 1.25
+_STRUCTURE = RemarkKind(
+    "residual_is_structure",
+    "the residual, {rmse:.3g} N rms, is {value:.2g} times the noise of the force: errors of parameters are of a model "
+    "that leaves structure, not of the damper, and tests of other motions may move a parameter by more",
+)
+_COARSE_STEP = RemarkKind("step_coarse", "{change}", warns=True)
 
 
-def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tuple[str, ...]:
-    """Sentences on laws that vanish or leave their range in or near the tested commands, or have an extremum there."""
+def _remarks_on(fit: Fit) -> Iterator[Remark]:
+    """Structure in the residual, a coarse step, and laws that fail in or near the tested commands or between them."""
+    spec, theta, tested, change = fit.spec, np.array(fit.theta), fit.tested, fit.half_step_percent
+    if fit.times_noise is not None:
+        yield _STRUCTURE.remark(measured=Measured(fit.times_noise, ""), rmse=fit.rmse_n)
+    if change is not None and change > _MOST_CHANGE:
+        yield _COARSE_STEP.remark(measured=Measured(change, "%"), change=step_in_words(change))
     if tested.command is None:
-        return ()
+        return
     lowest, highest = tested.command
     within = {limit.parameter: limit for limit in law_limits(spec, theta, tested.command)}
-    near = law_limits(spec, theta, (min(0.0, lowest), _NEAR * highest))
-    span = f"{lowest:g} to {highest:g} {tested.command_unit}"
-    limits = (
-        f"{within[limit.parameter].in_words}; that is within the tested commands, {span}: choose another law"
-        if limit.parameter in within
-        else f"{limit.in_words}; the tests are at {span}: do not use the fit there, or test there, or choose "
-        "another law"
-        for limit in near
-    )
-    return (*limits, *(extremum.warning for extremum in hidden_extrema(spec, theta, tested.levels)))
+    for limit in law_limits(spec, theta, (min(0.0, lowest), _NEAR * highest)):
+        inside = within.get(limit.parameter)
+        yield limit.remark(LAW_BEYOND) if inside is None else inside.remark(LAW_LEAVES_RANGE)
+    yield from (extremum.remark for extremum in hidden_extrema(spec, theta, tested.levels))
 
 
 def rms(values: Sequence[float] | Floats) -> float:
@@ -213,6 +217,11 @@ def rms(values: Sequence[float] | Floats) -> float:
 _SAMPLE, _FEWEST, _MOST_FACTOR = 1e-3, 2, 256
 MANY = 16
 """Steps a sample from which on a study takes so much longer that a fit says so."""
+_COST = RemarkKind(
+    "costly_in_building",
+    f"the fit takes {{cost}}{{causes}}, where a model without states takes {_FEWEST}",
+    "compare it with models without states before a study uses it",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,11 +264,8 @@ class BuildingCost:
         return f"about {self.steps:.0f} integration steps a sample of 1 ms in a building"
 
 
-def cost_warning(fit: Fit, cost: BuildingCost) -> str:
-    """The sentence that a fit takes many steps in a building, with the parameters on a bound as causes."""
+def cost_remark(fit: Fit, cost: BuildingCost) -> Remark:
+    """The warning that a fit takes many steps in a building, with the parameters on a bound as causes."""
     at_bound = [estimate.name for estimate in fit.estimates if estimate.at_bound]
     causes = f", with {list_names(at_bound)} on a bound" if at_bound else ""
-    return (
-        f"the fit takes {cost.in_words}{causes}, where a model without states takes {_FEWEST}; compare it with models "
-        "without states before a study uses it"
-    )
+    return _COST.remark(*at_bound, measured=Measured(cost.steps, ""), cost=cost.in_words, causes=causes)

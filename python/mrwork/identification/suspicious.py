@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import significant
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.identification.fit import STRUCTURE
@@ -18,6 +19,18 @@ from mrwork.records.damper_test import set_points
 
 # A fit whose misfit is not below this share of the misfit of a linear spring and dashpot is linear itself.
 LINEAR_SHARE = 0.98
+_LINEAR = RemarkKind(
+    "damper_linear",
+    "a linear spring and dashpot describe the tests to within their noise, {linear:.2f} % for {value:.2f} % of the "
+    "fit: as far as the tests show, the damper is linear, and the parameters of its hysteresis mean nothing",
+    warns=True,
+)
+_NO_BETTER = RemarkKind(
+    "no_better_than_linear",
+    "the fit, {value:.2f} %, is no better than that of a linear spring and dashpot, {linear:.2f} %: this model cannot "
+    "describe the tests, or the minimum is false",
+    "try another model (--model all)",
+)
 
 
 def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
@@ -49,44 +62,36 @@ def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
 
 # Degrees between tests; a fluid loses a few tenths of a per cent of its force in each.
 _WARMER = 10.0
+_TEMPERATURES = RemarkKind(
+    "temperatures_differ",
+    "the tests were made at {lowest} to {highest} degrees, and no model has a temperature: the fit describes what it "
+    "changes by parameters of motion and command",
+    "fit tests of like temperature, or test each motion cold and warm",
+)
 
 
-def temperature_warning(tests: Sequence[DamperTest]) -> tuple[str, ...]:
-    """Warning of tests whose recorded temperatures differ, which a fit takes for an effect of motion and command."""
+def unlike_temperatures(tests: Sequence[DamperTest]) -> Iterator[Remark]:
+    """Warn of tests whose recorded temperatures differ, which a fit takes for an effect of motion and command."""
     degrees = [
         remark.measured.value
         for test in tests
         for remark in test.remarks
         if remark.code == TEMPERATURE.code and remark.measured is not None
     ]
-    if not degrees or max(degrees) - min(degrees) < _WARMER:
-        return ()
-    return (
-        f"the tests were made at {significant(min(degrees), 3)} to {significant(max(degrees), 3)} degrees, and no "
-        "model has a temperature: the fit describes what it changes by parameters of motion and command; fit tests of "
-        "like temperature, or test each motion cold and warm",
-    )
+    if degrees and (lowest := min(degrees)) + _WARMER <= (highest := max(degrees)):
+        yield _TEMPERATURES.remark(lowest=significant(lowest, 3), highest=significant(highest, 3))
 
 
-def linear_warning(
+def no_better_than_linear(
     nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
-) -> tuple[str, ...]:
-    """Warning that a fit with this misfit is no better than a linear spring and dashpot; empty if it is better."""
+) -> Iterator[Remark]:
+    """Warn that a fit with this misfit is no better than a linear spring and dashpot."""
     linear = linear_misfit(tests, follows_command=follows_command)
     if nrmse < LINEAR_SHARE * linear:
-        return ()
+        return
     deviation = float(np.sqrt(np.mean([np.var(test.force[test.counted]) for test in tests])))
-    if linear * deviation <= STRUCTURE * force_noise(tests):
-        return (
-            f"a linear spring and dashpot describe the tests to within their noise, {100.0 * (1.0 - linear):.2f} % for "
-            f"{100.0 * (1.0 - nrmse):.2f} % of the fit: as far as the tests show, the damper is linear, and the "
-            "parameters of its hysteresis mean nothing",
-        )
-    return (
-        f"the fit, {100.0 * (1.0 - nrmse):.2f} %, is no better than that of a linear spring and dashpot, "
-        f"{100.0 * (1.0 - linear):.2f} %: this model cannot describe the tests, or the minimum is false; try another "
-        "model (--model all)",
-    )
+    kind = _LINEAR if linear * deviation <= STRUCTURE * force_noise(tests) else _NO_BETTER
+    yield kind.remark(measured=Measured(100.0 * (1.0 - nrmse), "%"), linear=100.0 * (1.0 - linear))
 
 
 def force_noise(tests: Sequence[DamperTest]) -> float:
@@ -102,8 +107,20 @@ def force_noise(tests: Sequence[DamperTest]) -> float:
 # `_RESOLVED`. On nine measured tests the best minimum of one set of laws reaches 3.1, a false one 3 to 14.
 _FAR_WORSE = 5.0
 _RESOLVED = 0.02
-# Tests that a sentence names.
+# Tests that a remark names.
 _SHOWN = 3
+_WORSE = "{worse} of {tests} tests are described far worse together than alone: {0}"
+_FALSE_MINIMUM = RemarkKind(
+    "false_minimum",
+    f"false minimum suspected: {_WORSE}",
+    "try other laws (--law auto), or other models (--model A,B)",
+)
+_WORSE_TOGETHER = RemarkKind(
+    "worse_together",
+    f"{_WORSE}; no start found a better minimum",
+    "check command, unit, zero and temperature of these tests, let more parameters follow the command by laws of a "
+    "higher degree (--law auto tries both), or compare other models (--model A,B)",
+)
 
 
 def far_worse(joint: Floats, alone: Floats) -> NDArray[np.intp]:
@@ -111,22 +128,13 @@ def far_worse(joint: Floats, alone: Floats) -> NDArray[np.intp]:
     return np.flatnonzero(joint > _FAR_WORSE * np.maximum(alone, _RESOLVED))
 
 
-def far_worse_sentence(
-    tests: Sequence[DamperTest], worse: NDArray[np.intp], joint: Floats, alone: Floats, *, found_again: bool
-) -> str:
-    """Sentence on the tests whose NRMSE in the joint fit is far above the NRMSE of their own fits."""
+def worse_together(
+    tests: Sequence[DamperTest], worse: NDArray[np.intp], joint: Floats, alone: Floats, *, suspected: bool
+) -> Remark:
+    """The warning of tests whose NRMSE in the joint fit, where a minimum may be false, is far above that alone."""
     both = [
         f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
         for index in worse
     ]
-    shown = list_names(both, _SHOWN)
-    other = "compare other models (--model A,B)"
-    are = "is" if len(worse) == 1 else "are"
-    tests_shown = f"{len(worse)} of {len(tests)} tests {are} described far worse together than alone: {shown}"
-    if found_again:
-        return (
-            f"{tests_shown}; no start found a better minimum: check the command, unit, zero and temperature of "
-            f"{'this test' if len(worse) == 1 else 'these tests'}; else let more parameters follow the command, give "
-            f"laws of a higher degree (--law auto tries both), or {other}"
-        )
-    return f"false minimum suspected: {tests_shown}; try other laws (--law auto), or {other}"
+    kind = _FALSE_MINIMUM if suspected else _WORSE_TOGETHER
+    return kind.remark(list_names(both, _SHOWN), worse=len(worse), tests=len(tests))

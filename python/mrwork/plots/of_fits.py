@@ -460,7 +460,7 @@ def _predict_with_band(
 def _known_band(calibration: Calibration, prediction: Prediction, level: float) -> Band:
     band = calibration.band(prediction, level)
     if band is None:
-        raise SettingError(f"{prediction.test.label}: {calibration.test_to_run(prediction)}")
+        raise SettingError(str(calibration.test_to_run(prediction)))
     return band
 
 

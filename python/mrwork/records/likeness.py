@@ -15,6 +15,7 @@ from typing import ClassVar, Final, Literal
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_range
 from mrwork.records.damper_test import DamperTest
@@ -44,6 +45,10 @@ _FORCE: Final = 0.2
 _LEAST: Final = {True: (0.995, 0.9), False: (0.98, 0.5)}
 # Least share of its whole stroke that a motion has in what it shares with another.
 _STROKE: Final = 0.8
+_CONDITION_DIFFERS: Final = RemarkKind(
+    "condition_differs",
+    "{force}: another condition: {command}temperature, pressure, pre-load? It counts as held out",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,14 +182,11 @@ class Likeness:
         return self._alike("motion and command")
 
     @property
-    def condition_in_words(self) -> str:
-        """Difference of the force and its possible causes, in words."""
+    def condition(self) -> Remark:
+        """The note of a test whose force differs from that of a test of the fit."""
         # At unknown commands that may be the reason.
         command = "" if self.known_command else "command, "
-        return (
-            f"{self.force_in_words}: another condition: {command}temperature, pressure, pre-load? "
-            "It counts as held out"
-        )
+        return _CONDITION_DIFFERS.remark(self.test, self.like, force=self.force_in_words, command=command)
 
     @property
     def force_in_words(self) -> str:

@@ -182,7 +182,7 @@ def _matlab_of_fit(fit: Fit, path: Path | None) -> bytes:
         "rmse": {"value": fit.rmse_n, "unit": "N"},
         "observation": fit.observation_in_words,
         "tested": fit.tested.in_words,
-        "warnings": _cells(fit.warnings),
+        "remarks": _cells([remark.in_words for remark in fit.remarks]),
         "theta": np.array(fit.theta),
         "theta_names": _cells(spec.names),
         "theta_units": _cells([parameter.unit for parameter in spec.parameters]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
@@ -68,12 +68,10 @@ class StoredRun(Plotted, Summarised):
     def _summary(self) -> Summary:
         present = [entry.name for entry in fields(self) if getattr(self, entry.name) is not None]
         of_fit = self.fit._summary()
-        return Summary(
+        return replace(
+            of_fit,
             title=f"Run {self.place.name}: {of_fit.title}",
             facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *of_fit.facts),
-            cautions=of_fit.cautions,
-            tables=of_fit.tables,
-            notes=of_fit.notes,
         )
 
 

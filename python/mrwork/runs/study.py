@@ -63,11 +63,11 @@ def _like(fit: Fit, model: str) -> FittedDamper:
 
     near = fit_like(fit, model)
     warn(
-        f"{model} takes the place of {fit.model} in the study: {near.warnings[0]}",
+        f"{model} takes the place of {fit.model} in the study: {near.remarks[0].message}",
         MrworkWarning,
         stacklevel=2,
     )
-    return FittedDamper(spec=near.spec, theta=near.theta, tested=near.tested, remark=near.warnings[0])
+    return FittedDamper(spec=near.spec, theta=near.theta, tested=near.tested, remark=near.remarks[0].message)
 
 
 @checked

@@ -84,7 +84,7 @@ INTERRUPTED: Final = "interrupted"
 """Status in the manifest of a run that was written before its end."""
 T = TypeVar("T")
 
-FORMAT: Final = 4
+FORMAT: Final = 5
 """Increased whenever the files of a run folder change in a way that this version cannot read."""
 ADDITIONS: Final = frozenset({
     CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
@@ -360,13 +360,13 @@ class RunFolder:
 
     def read(self, kind: type[T], name: str, *, verb: str = "") -> T | None:
         """The value of this type in a JSON file, as `content`; `None` where there is none."""
-        with self.explained(name):
+        with self.explained(name, verb=verb):
             document = self.document(name, verb=verb)
             return None if document is None else built(kind, document)
 
     @contextmanager
-    def explained(self, name: str) -> Iterator[None]:
-        """Say of a file that was changed, and is read as it is, why it cannot be."""
+    def explained(self, name: str, *, verb: str = "") -> Iterator[None]:
+        """Say of a file that was changed, and is read as it is, why it cannot be, and which `verb` writes it."""
         try:
             yield
         except MrworkError:
@@ -374,7 +374,7 @@ class RunFolder:
         except Exception as reason:  # whatever a changed value leads to
             raise RecordError(
                 f"{self.path / name} cannot be read ({type(reason).__name__}: {reason}); restore it, or run "
-                f"`mrwork {self.kind.verb}` again"
+                f"`mrwork {verb or self.kind.verb}` again"
             ) from None
 
 

@@ -6,7 +6,7 @@ The gains follow from the linearised posterior.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from mrwork.base.arguments import NotNegative, Threads, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.numbers import of_unit, percent, significant
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import TableColumn, text_table
 from mrwork.base.units import CommandUnit
@@ -36,6 +37,14 @@ from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
 # Rows of a plan that a summary has.
 _SHOWN = 15
+_NOT_SIMULATED = RemarkKind("candidates_not_simulated", "not ranked, as they could not be simulated: {0}")
+_MOTIONS_REPEAT = RemarkKind(
+    "motions_repeat",
+    "the motion of every test repeats, and how large the errors are where it does not, as under an earthquake, is not "
+    "known",
+    "also run a random motion of {low:.2g} to {high:.2g} Hz, up to {stroke:.3g} mm and {velocity:.3g} mm/s{at}, and "
+    "give it to `mrwork calibrate`",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +71,7 @@ class Plan(Summarised):
     left_out: tuple[Candidate, ...]
     gap: tuple[float, float] | None = None
     command_unit: CommandUnit | None = None
-    random_test: str = ""
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def sentence(self) -> str:
@@ -97,26 +106,20 @@ class Plan(Summarised):
                 ),
             ),
             tables=[replace(table, note=f"and {more} more" if more > 0 else "")],
-            notes=[
-                self.sentence,
-                self.random_test,
-                f"{len(self.left_out)} candidates could not be simulated" if self.left_out else "",
-            ],
+            remarks=self.remarks,
+            notes=[self.sentence],
         )
 
 
-def _random_test(tests: Sequence[DamperTest], tested: OperatingRange) -> str:
-    """The random motion to test where the motions of all tests repeat; empty where one does not."""
+def _repeating_motions(tests: Sequence[DamperTest], tested: OperatingRange) -> Iterator[Remark]:
+    """Ask for a random motion where the motions of all tests repeat."""
     if not all(has_regular_cycles(test) for test in tests):
-        return ""
+        return
     low, high = tested.frequency or (0.0, 0.0)
     commands = () if tested.command is None else dict.fromkeys(tested.command)
     at = " and ".join(f"{command:g} {tested.command_unit}" for command in commands)
-    return (
-        "The motion of every test repeats, and how large the errors are where it does not, as under an earthquake, is "
-        f"not known: also run a random motion of {low:.2g} to {high:.2g} Hz, up to {1e3 * tested.stroke:.3g} mm and "
-        f"{1e3 * tested.velocity:.3g} mm/s{f', at {at}' if at else ''}, and give it to `mrwork calibrate`."
-    )
+    peaks = {"stroke": 1e3 * tested.stroke, "velocity": 1e3 * tested.velocity}
+    yield _MOTIONS_REPEAT.remark(measured=None, low=low, high=high, at=f", at {at}" if at else "", **peaks)
 
 
 def _is_within(gap: tuple[float, float] | None, candidate: Candidate) -> bool:
@@ -257,6 +260,9 @@ def plan(
             )
         )
     simulated = {response.candidate for response in possible}
+    left_out = tuple(candidate for candidate in candidates if candidate not in simulated)
+    names = "; ".join(candidate.in_words(posterior.spec.command_unit) for candidate in left_out)
+    failed = (_NOT_SIMULATED.remark(names),) if left_out else ()
     return Plan(
         model=posterior.spec.name,
         band=band,
@@ -267,8 +273,8 @@ def plan(
         ),
         gap=fit.tested.gap,
         command_unit=posterior.spec.command_unit,
-        random_test=_random_test(as_tests(tests), fit.tested),
-        left_out=tuple(candidate for candidate in candidates if candidate not in simulated),
+        left_out=left_out,
+        remarks=(*failed, *_repeating_motions(as_tests(tests), fit.tested)),
     )
 
 

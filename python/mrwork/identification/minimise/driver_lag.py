@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import with_changed_laws
@@ -26,32 +27,34 @@ _SHARE = 0.98
 _SHARE_FITTED = 0.95
 _ITERATIONS = 20
 _TOLERANCE = 1e-3
+_MISSING = RemarkKind(
+    "lag_missing",
+    "a driver's lag of about {value:.3g} 1/s would lower the misfit from {before:.2f} to {after:.2f} % with {0}: the "
+    "command that was recorded reaches the coil later",
+    "fit the lag with --driver-lag, in Python lagged=True",
+)
 
 
-def missing_lag_warning(objective: Objective, theta: Floats, box: Box) -> tuple[str, ...]:
-    """Sentence on a lag with which the fit `theta` without one describes the tests better; empty where there is none.
+def missing_lag(objective: Objective, theta: Floats, box: Box) -> Iterator[Remark]:
+    """Warn of a lag with which the fit `theta` without one describes the tests better.
 
     Other parameters may have taken its part. They are fitted anew, in their `box`, where none is better without that.
     """
     spec, varies = objective.spec, any(test.has_varying_command for test in objective.tests)
     if not spec.follows_command or spec.lagged or not varies:
-        return ()
+        return
     before, others = float(objective(theta[None])[0]), "no other change"
     lagged, rate, misfit = _best_rate(objective, theta)
     if not misfit < _SHARE * before:
         if not np.isfinite(misfit):
-            return ()
+            return
         within = Box.of(lagged.spec).with_bounds(bounds_of(box, box.names))
         start = np.array([[*theta, rate]])
         fitted = find_minima(lagged, within, start, max_iterations=_ITERATIONS, tolerance=_TOLERANCE).best
         rate, misfit, others = float(fitted.theta[-1]), fitted.misfit, "the other parameters fitted anew"
         if not misfit < _SHARE_FITTED * before:
-            return ()
-    return (
-        f"a driver's lag of about {rate:.3g} 1/s would lower the misfit from {100.0 * before:.2f} to "
-        f"{100.0 * misfit:.2f} % with {others}: the command that was recorded reaches the coil later; fit the lag with "
-        "--driver-lag, in Python lagged=True",
-    )
+            return
+    yield _MISSING.remark(others, measured=Measured(rate, "1/s"), before=100.0 * before, after=100.0 * misfit)
 
 
 def _best_rate(objective: Objective, theta: Floats) -> tuple[Objective, float, float]:
@@ -70,13 +73,25 @@ _CHANCE = 6.63
 _CLEAR = 10.0 * _CHANCE
 # A coil that comes this close to its command within a sample follows it at once, as far as the samples show.
 _WITHIN_A_SAMPLE = 0.01
+_LEFT_OUT = RemarkKind(
+    "lag_left_out",
+    "the driver's lag is left out: with it (eta {value:.4g} 1/s) the misfit is {lagged:.4g} %, without it "
+    "{without:.4g} %, so these tests show no lag of the coil behind their command",
+    "fix the rate with --fix eta=VALUE where it is known",
+)
+_WITHIN = RemarkKind(
+    "lag_within_a_sample",
+    "the driver's lag (eta {value:.4g} 1/s) ends within a sample of {ms:.4g} ms: with it a command acts from the next "
+    "sample on (misfit {lagged:.4g} %), without it from its own ({without:.4g} %)",
+    "test with a shorter step, which tells the rate",
+)
 
 
 def polish_with_wanted_lag(problem: Problem, points: StartingPoints, *, on_step: OnStep) -> FinalFit:
     """Fit to convergence from the starting points, without the driver's lag where that is as good.
 
     A lag whose rate is to be estimated must describe tests of varying commands better, by more than chance. Else, also
-    where the fit with it ended in a false minimum, the fit without it is returned with a sentence on both misfits.
+    where the fit with it ended in a false minimum, the fit without it is returned with a remark on both misfits.
     """
     lagged = polish(problem, points.theta, on_step=on_step)
     if not problem.shows_rate:
@@ -149,24 +164,11 @@ def _is_within_a_sample(lagged: FinalFit) -> bool:
 
 def _choose_fit(lagged: FinalFit, without: FinalFit) -> FinalFit:
     """The fit with the lag where it is better by more than chance, else that without it."""
-    with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.theta[-1])
+    with_it, without_it, rate = lagged.misfit, without.misfit, Measured(float(lagged.theta[-1]), "1/s")
+    misfits = {"lagged": 100.0 * with_it, "without": 100.0 * without_it}
     if not _gain(lagged, with_it, without_it) > _CHANCE:
-        return replace(
-            without,
-            warnings=(
-                f"the driver's lag is left out: with it (eta {rate:.4g} 1/s) the misfit is {100.0 * with_it:.4g} %, "
-                f"without it {100.0 * without_it:.4g} %, so these tests show no lag of the coil behind their command; "
-                "fix the rate with --fix eta=VALUE where it is known",
-            ),
-        )
+        return replace(without, remarks=(_LEFT_OUT.remark(measured=rate, **misfits),))
     if not _is_within_a_sample(lagged):
         return lagged
-    dt = _shortest_step(lagged)
-    return replace(
-        lagged,
-        warnings=(
-            f"the driver's lag (eta {rate:.4g} 1/s) ends within a sample of {1e3 * dt:.4g} ms: with it a command acts "
-            f"from the next sample on (misfit {100.0 * with_it:.4g} %), without it from its own "
-            f"({100.0 * without_it:.4g} %); tests of a shorter step tell the rate",
-        ),
-    )
+    ms = 1e3 * _shortest_step(lagged)
+    return replace(lagged, remarks=(_WITHIN.remark(measured=rate, ms=ms, **misfits),))

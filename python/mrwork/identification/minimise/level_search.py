@@ -7,7 +7,7 @@ shows the plain model alone: its parameters are searched with laws that scale as
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from mrwork.base.arguments import Seed
 from mrwork.base.numbers import of_unit
+from mrwork.base.remark import Remark
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec, plain_parameters
 from mrwork.identification.commands import CommandedTests, excerpts_of, form_through_values
@@ -46,7 +47,7 @@ from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import EXCERPTS, Identifying, OnSearch, part_of
 from mrwork.identification.settings import Race, Start
-from mrwork.identification.suspicious import far_worse, far_worse_sentence
+from mrwork.identification.suspicious import far_worse, worse_together
 from mrwork.records import DamperTest
 
 if TYPE_CHECKING:
@@ -402,20 +403,20 @@ def _better_alone(
     }
 
 
-def worse_together(
+def better_alone(
     problem: Problem, objective: Objective, theta: Floats, *, suspected: bool
-) -> tuple[str, ...]:
-    """Sentence on the tests that a fit `theta`, (n_params,), describes far worse than their own fits, started there.
+) -> Iterator[Remark]:
+    """Warn of the tests that a fit `theta`, (n_params,), describes far worse than their own fits, started there.
 
     A minimum may be `suspected` to be false.
     """
     spec, tests = problem.form.spec, objective.tests
     fits = at_levels(spec, theta, [*CommandedTests.of(spec, tests).at])
     joint, own = _better_alone(problem, objective, theta, fits)
-    alone, worse = np.full(len(tests), np.inf), np.array([*own], dtype=np.intp)
-    alone[worse] = [fit.nrmse for fit in own.values()]
-    sentence = far_worse_sentence(tests, worse, joint, alone, found_again=not suspected)
-    return (sentence,) if own else ()
+    if own:
+        alone, worse = np.full(len(tests), np.inf), np.array([*own], dtype=np.intp)
+        alone[worse] = [fit.nrmse for fit in own.values()]
+        yield worse_together(tests, worse, joint, alone, suspected=suspected)
 
 
 def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:

@@ -8,6 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from mrwork.base.remark import Remark
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SimulationError
@@ -68,7 +69,7 @@ def no_simulation(spec: DamperSpec, evaluations: int) -> SimulationError:
 
 @array_dataclass()
 class FinalFit:
-    """The minimum at which a fit ends, of the problem that it solves, with its covariance, and sentences on it.
+    """The minimum at which a fit ends, of the problem that it solves, with its covariance, and remarks on it.
 
     `effects` are those on the recorded force that were fitted with the parameters.
     """
@@ -77,7 +78,7 @@ class FinalFit:
     covariance: Covariance
     steps: int
     converged: bool
-    warnings: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     effects: tuple[FittedParameter, ...] = ()
 
     @property

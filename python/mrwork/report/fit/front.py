@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrwork.base.numbers import format_fixed
+from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import list_names
 from mrwork.identification.fit import FINE, STATUS_IN_WORDS, Fit, FitSpread
 from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
@@ -31,18 +32,29 @@ _BANNER = {
     "lower_minimum_possible": "The search met this minimum by one route only, so a lower one is possible{reason}.",
     "not_converged": "The search stopped before it converged{reason}. The parameters may still improve.",
 }
-# Sentences, parameters with a law, those beside the loops, and tests that the front shows.
-_CAUTIONS, _LAWS, _IN_ROW, _NAMED = 3, 6, 2, 3
+# Cautions, advice, parameters with a law, those beside the loops, and tests that the front shows.
+_CAUTIONS, _ADVICE, _LAWS, _IN_ROW, _NAMED = 3, 3, 6, 2, 3
+_ONE_MOTION = RemarkKind("one_test_fitted", "one test does not show other motions and commands", warns=True)
+_WEAK = RemarkKind("values_undetermined", "the tests do not determine {0}", "do not use a value by itself")
+_SYNTHETIC = RemarkKind("tests_synthetic", "synthetic tests show that the chain works, no more", warns=True)
+_GAP = RemarkKind("command_gap", "Test at a command between {0}: no test shows the laws there.")
+_UNCALIBRATED = RemarkKind(
+    "calibration_missing", "`mrwork calibrate RUN TESTS`: the error on other tests, and bands."
+)
+_UNTESTED = RemarkKind("held_out_missing", "`mrwork predict RUN TESTS --level 0.9` with tests kept for test.")
+_NO_INTERVALS = RemarkKind("intervals_missing", "`mrwork profile RUN`: an interval of each parameter.")
+_NO_PLAN = RemarkKind("plan_missing", "`mrwork plan RUN`: the next test that narrows a band most.")
+_NO_STUDY = RemarkKind("study_missing", 'In a study of a building: `run = "RUN"` of its `[[damper]]`.')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Evidence:
-    """Predictions of tests: what these tests are, a title and an opening of the sentence, and a remark behind it."""
+    """Predictions of tests: what these tests are, a title and an opening of the sentence, and what limits it."""
 
     title: str
     opening: str
     drawn: Sequence[Prediction]
-    remark: str = ""
+    limit: str = ""
 
     @property
     def spread(self) -> FitSpread:
@@ -56,7 +68,7 @@ class _Evidence:
         text = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
         if count > 1:
             text += f" in the median, the worst, {spread.worst_test}, to {format_fixed(spread.worst_percent, 1)} %"
-        return f"{text}. {self.remark}".rstrip()
+        return f"{text}. {self.limit}".rstrip()
 
 
 def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
@@ -65,7 +77,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
         title="Fitted tests",
         opening=f"Nothing was held out: the model describes {_tests(len(predictions))} that it was fitted to,",
         drawn=predictions,
-        remark="How well it predicts others is not known.",
+        limit="How well it predicts others is not known.",
     )
     bands, ranking = run.bands, run.ranking
     if run.held_out is not None:
@@ -75,7 +87,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
             title="Kept for test",
             opening=f"Predicts {_tests(len(run.held_out.predictions))} kept for test",
             drawn=run.held_out.predictions,
-            remark=f"{lying} outside the tested ranges." if outside else "",
+            limit=f"{lying} outside the tested ranges." if outside else "",
         )
     if bands is not None and bands.predictions:
         count, held_out = _tests(len(bands.predictions)), bands.calibration.held_out
@@ -93,7 +105,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
         chosen = "model was" if ranking.unit is None else "laws were"
         percent = format_fixed(ranking.chosen_standing.left_out_percent, 1)
         left_out = f"Fits to other tests predict tests left out to {percent} %; the {chosen} chosen by it"
-        return replace(evidence, opening=f"{left_out}, so expect less. {evidence.opening}", remark="")
+        return replace(evidence, opening=f"{left_out}, so expect less. {evidence.opening}", limit="")
     return evidence
 
 
@@ -112,8 +124,9 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
     evidence = _evidence(run, predictions)
     names = [prediction.test.name for prediction in predictions]
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
-    if not banner and fit.warnings:
-        (banner,) = first_sentences(fit.warnings[:1], 1)
+    cautions = warnings_of(_cautions(run, evidence, predictions))
+    if not banner and warnings_of(fit.remarks):
+        (banner,), cautions = first_sentences(cautions[:1], 1), cautions[1:]
     facts = (fit.provenance.settings.get("reading") or {}).get("facts", {})
     before = {"damper": "", "serial": "no. ", "date": "tested ", "operator": "by ", "temperature": "at "}
     specimen = ", ".join(f"{word}{facts[name]}" for name, word in before.items() if name in facts)
@@ -129,8 +142,11 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
         verdict=evidence.in_words,
         numbers=_numbers(run, predictions, evidence),
         panels=(*_loops(evidence, unit, height=height), *_law_panels(fit, height)),
-        cautions=_cautions(run, evidence, predictions),
-        advice=_advice(run),
+        cautions=(
+            f"Not beyond the tested ranges: {fit.tested.in_words}.",
+            *first_sentences(cautions, _CAUTIONS),
+        ),
+        advice=tuple(remark.message for remark in _advice(run))[:_ADVICE],
     )
 
 
@@ -205,40 +221,28 @@ def _law_panels(fit: Fit, height: float) -> Iterator[Panel]:
         )
 
 
-def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Prediction]) -> tuple[str, ...]:
-    """Where the fit does not hold, what misleads most first; what does not fit is counted."""
+def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Prediction]) -> Iterator[Remark]:
+    """Where the fit does not hold, what misleads most first."""
     fit = run.fit
-    doubtful = [estimate.name for estimate in fit.estimates if estimate.verdict not in (*FINE, "negligible")]
-    sentences = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
+    yield from fit.remarks
     if evidence.drawn is predictions and len(predictions) == 1:
-        sentences.append("One test cannot show how the damper behaves under another motion or command.")
-    if doubtful:
-        sentences.append(
-            f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
-        )
+        yield _ONE_MOTION.remark()
+    if doubtful := [each.name for each in fit.estimates if each.verdict not in (*FINE, "negligible")]:
+        yield _WEAK.remark(list_names(doubtful, 6))
     if any(prediction.test.synthetic for prediction in predictions):
-        sentences.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
-    return (f"Not beyond the tested ranges: {fit.tested.in_words}.", *first_sentences(sentences, _CAUTIONS))
+        yield _SYNTHETIC.remark()
 
 
-def _advice(run: StoredRun) -> tuple[str, ...]:
+def _advice(run: StoredRun) -> Iterator[Remark]:
     """What to do next, the most useful first."""
-    sentences = []
     if (gap := run.fit.tested.gap) is not None:
-        sentences.append(
-            f"Test at a command between {gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}: no test shows the "
-            "laws there."
-        )
+        yield _GAP.remark(f"{gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}")
     if run.bands is None:
-        sentences.append(
-            "`mrwork calibrate RUN TESTS` with tests of other motions: the error on tests that it has not seen, and "
-            "bands."
-        )
+        yield _UNCALIBRATED.remark()
     elif run.bands.calibration.held_out == UNSEEN:
-        sentences.append("`mrwork predict RUN TESTS --level 0.9` with tests kept for test.")
+        yield _UNTESTED.remark()
     if run.draws is None and run.profiles is None:
-        sentences.append("`mrwork profile RUN`: an interval of each parameter.")
+        yield _NO_INTERVALS.remark()
     if run.plan is None:
-        sentences.append("`mrwork plan RUN`: the next test that narrows a band most.")
-    sentences.append('In a study of a building: `run = "RUN"` of its `[[damper]]`.')
-    return tuple(sentences[:3])
+        yield _NO_PLAN.remark()
+    yield _NO_STUDY.remark()

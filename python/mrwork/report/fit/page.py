@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mrwork.base import numbers
 from mrwork.base.progress import OnProgress, Progress
+from mrwork.base.remark import warnings_of
 from mrwork.base.summary import list_names
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
@@ -58,7 +59,7 @@ def fit_page(
     before("other sections of the page")
     unit = common_unit(predictions)
     sections = [
-        warning_section(run.fit.warnings),
+        warning_section(warnings_of(run.fit.remarks)),
         of_tests,
         parameters_section(run),
         None if run.held_out is None else later.held_out_section(run.held_out),

@@ -21,6 +21,7 @@ def parameters_section(run: StoredRun) -> Section:
     """The model, its parameters with their uncertainty, and what the data determine."""
     fit, spec = run.fit, run.fit.spec
     words = {estimate.verdict for estimate in fit.estimates}
+    notes = [remark.message for remark in fit.remarks if remark.severity == "note"]
     advice = " ".join(_ADVICE[word] for word in get_args(Verdict) if word in _ADVICE and word in words)
     model = Markup('<div class="equation">{}</div>').format(Markup(equation_html(spec.equations)))
     groups = [Group(markup=model + Markup('<p class="note">{}</p>').format(spec.source))]
@@ -43,7 +44,7 @@ def parameters_section(run: StoredRun) -> Section:
     groups.append(
         Group(
             table=_parameter_table(fit),
-            prose=tuple(filter(None, (_as_sentence(fit.model_error), advice))),
+            prose=tuple(filter(None, (*map(_as_sentence, notes), advice))),
             points=tuple(sentences),
         )
     )

@@ -218,7 +218,7 @@ def read_predictions(run: RunFolder, name: str = PREDICTIONS, *, verb: str = _VE
     content = run.content(name, verb=verb)
     if content is None:
         return ()
-    with run.explained(name), np.load(io.BytesIO(content), allow_pickle=False) as stored:
+    with run.explained(name, verb=verb), np.load(io.BytesIO(content), allow_pickle=False) as stored:
         arrays = dict(stored)
         stated = json.loads(str(arrays["facts"]))
         return tuple(_prediction(facts, number, arrays) for number, facts in enumerate(stated))

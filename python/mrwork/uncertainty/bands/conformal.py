@@ -15,6 +15,7 @@ import numpy as np
 
 from mrwork.base.arguments import Level, Positive, Whole, checked
 from mrwork.base.numbers import format_rounded
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
@@ -55,6 +56,17 @@ _LEAST_TO_SCATTER = 4
 _DRIVEN = ("stroke", "velocity", "frequency", "command")
 # Share by which a prediction may be farther beyond the tests than the tests that were left out for that.
 _FARTHER = 0.05
+_NO_BAND = RemarkKind("band_missing", "no band for {0}: {why}", "test {test}, and fit it or calibrate on it")
+_NEW_MOTION = RemarkKind(
+    "motion_of_new_kind",
+    "in {count} of {predictions} tests the motion {0}, unlike in the calibration: their bands are about the force of "
+    "the model, not about a mean cycle",
+    "calibrate on such a motion, too, to know its errors",
+)
+_SEEN = RemarkKind("tests_seen", "not used, because the fit has seen them: {0}")
+_COUNT_AS_ONE = RemarkKind(
+    "tests_count_as_one", "{given} tests count as {counted}: some have the same motion and command"
+)
 
 
 @array_dataclass(repr=False)
@@ -193,18 +205,21 @@ class Calibration(Summarised):
         return tuple(exceedance for exceedance, tests in zip(beyond, as_far, strict=True) if not tests)
 
     @checked
-    def test_to_run(self, prediction: Prediction) -> str:
-        """Why a prediction has no band, and the test that it takes; empty where it has one."""
+    def test_to_run(self, prediction: Prediction) -> Remark | None:
+        """Why a prediction has no band, and the test that it takes; `None` where it has one."""
         untested = self.untested(prediction)
         if not untested:
-            return ""
+            return None
         test = prediction.test
         demand = range_of_test(test, self.tested.command_unit)
         at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
         motion = "" if has_regular_cycles(test) else "a motion like it, of "
         command = f" and {test.command_in_words}" if test.commands else ""
-        why = "; ".join(exceedance.in_words for exceedance in untested)
-        return f"no band: {why}; test {motion}{1e3 * demand.stroke:.3g} mm{at}{command}, and fit it or calibrate on it"
+        return _NO_BAND.remark(
+            *(test.label, *(exceedance.quantity for exceedance in untested)),
+            why="; ".join(exceedance.in_words for exceedance in untested),
+            test=f"{motion}{1e3 * demand.stroke:.3g} mm{at}{command}",
+        )
 
     @checked
     def band(self, prediction: Prediction, level: Level) -> Band | None:
@@ -284,19 +299,14 @@ class Calibration(Summarised):
         return f"calibrated on {n_tests} tests {self.held_out}, {kinds}"
 
     @checked
-    def new_kind(self, predictions: Sequence[Prediction]) -> str:
-        """A sentence on motions that do not repeat, or do, unlike all of the calibration; empty without any."""
-        if self.n_repeating not in (0, len(self.tests)):
-            return ""
+    def new_kind(self, predictions: Sequence[Prediction]) -> Remark | None:
+        """The warning of motions that do not repeat, or do, unlike all of the calibration; `None` without any."""
         repeats = self.n_repeating > 0
         count = sum(has_regular_cycles(prediction.test) != repeats for prediction in predictions)
-        if not count:
-            return ""
-        return (
-            f"In {count} of {len(predictions)} tests the motion {'does not repeat' if repeats else 'repeats'}, unlike "
-            "in the calibration: their bands are about the force of the model, not about a mean cycle; calibrate on "
-            "such a motion, too, to know its errors"
-        )
+        if self.n_repeating not in (0, len(self.tests)) or not count:
+            return None
+        repeat = "does not repeat" if repeats else "repeats"
+        return _NEW_MOTION.remark(repeat, count=count, predictions=len(predictions))
 
     @property
     def reach_in_words(self) -> str:
@@ -304,17 +314,11 @@ class Calibration(Summarised):
         return ", ".join(reach_of_test.in_words for reach_of_test in self.reach) or "nowhere"
 
     @property
-    def remarks(self) -> tuple[str, ...]:
-        """Sentences on tests that were given but not used, and on tests that count as one."""
-        remarks = []
-        if self.seen:
-            remarks.append(f"Not used, because the fit has seen them: {likenesses_in_words(self.seen)}.")
-        joined = len(self.motions) - len(self.tests)
-        if joined > 0:
-            remarks.append(
-                f"{len(self.motions)} tests count as {len(self.tests)}: some have the same motion and command."
-            )
-        return tuple(remarks)
+    def remarks(self) -> tuple[Remark, ...]:
+        """Tests that were given but not used, and tests that count as one."""
+        given, counted = len(self.motions), len(self.tests)
+        seen = (_SEEN.remark(likenesses_in_words(self.seen)),) if self.seen else ()
+        return (*seen, *([_COUNT_AS_ONE.remark(given=given, counted=counted)] if given > counted else ()))
 
     def _summary(self) -> Summary:
         shape = self.shape
@@ -336,7 +340,7 @@ class Calibration(Summarised):
                 ("mean error over the cycle", "removed" if self.shape.bias else "not removed"),
                 ("known beyond the tests", self.reach_in_words),
             ),
-            notes=list(self.remarks),
+            remarks=self.remarks,
             tables=[Table(columns=("test", "median score", "90 % score"), rows=rows)],
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from typing import ClassVar
@@ -12,6 +12,7 @@ import numpy as np
 from mrwork.base.arguments import Count, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
@@ -35,9 +36,11 @@ IN_WORDS: dict[Fold, str] = {
 
 UNSEEN = "the fit has not seen"
 LATER_CYCLES = "later cycles of one test, fitted on the earlier ones"
-ONE_TEST = (
+ONE_TEST = RemarkKind(
+    "one_test",
     "one test was given, fitted on the first half of its cycles and evaluated on the second: cycles of one test repeat "
-    "to 97-99 %, so this is little evidence; give tests at other motions"
+    "to 97-99 %, so this is little evidence",
+    "give tests at other motions",
 )
 
 # Identifies the damper from tests.
@@ -51,6 +54,7 @@ _REACH = 0.02
 _OF_EXTREME = ((1.4, 0.5), (1.1, 0.0))
 # Frequency of a test without a whole cycle [Hz].
 _LOWEST = 1e-3
+_LEFT_OUT_TOGETHER = RemarkKind("tests_alike", "left out together, as they are alike: {0}")
 
 
 @array_dataclass(repr=False)
@@ -153,10 +157,8 @@ class Prediction(Plotted, WithAxes, Summarised):
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
             ),
-            notes=[
-                *(f"warning: {sentence}" for sentence in self.outside.sentences),
-                *([] if self.sets_apart is None else [self.sets_apart.in_words]),
-            ],
+            remarks=self.outside.remarks,
+            notes=[] if self.sets_apart is None else [self.sets_apart.in_words],
         )
 
 
@@ -322,8 +324,8 @@ def rests_of(tests: Sequence[DamperTest], folds: Sequence[Sequence[int]]) -> lis
     return [tuple(test for index, test in enumerate(tests) if index not in members) for members in folds]
 
 
-def alike_remark(tests: Sequence[DamperTest]) -> str:
-    """Which tests have the motion and command of another and are left out with it; empty where none has."""
+def alike_tests(tests: Sequence[DamperTest]) -> Iterator[Remark]:
+    """Note which tests have the motion and command of another and are left out with it."""
     motions = [RecordedMotion.of(test) for test in tests]
     pairs = [
         like
@@ -331,7 +333,8 @@ def alike_remark(tests: Sequence[DamperTest]) -> str:
         for index in members[1:]
         if (like := likest(motions[index], [motions[other] for other in members if other != index]))
     ]
-    return f"left out together, as they are alike: {likenesses_in_words(pairs)}" if pairs else ""
+    if pairs:
+        yield _LEFT_OUT_TOGETHER.remark(likenesses_in_words(pairs))
 
 
 def are_one_motion(one: tuple[float, float], other: tuple[float, float]) -> bool:

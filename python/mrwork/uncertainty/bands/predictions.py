@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, ClassVar, overload
 from warnings import warn
 
 from mrwork.base.arguments import Level, checked
 from mrwork.base.hints import Within
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
-from mrwork.dampers.spec import worst_laws
-from mrwork.dampers.tested_range import worst_of
+from mrwork.dampers.spec import LAW_BEYOND, worst_laws
+from mrwork.dampers.tested_range import outside_remark, worst_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification.fit import Fit, FitSpread
-from mrwork.identification.problem import prediction_warning
-from mrwork.identification.residual import estimated_in_words, missing_warnings, refuse_free
+from mrwork.identification.problem import ignored_commands
+from mrwork.identification.residual import estimated_in_words, refuse_free, unestimated_effects
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import likenesses_in_words
 from mrwork.records.observation import as_words, effects_of_each
 from mrwork.uncertainty.bands.band import Band, BandScore, score
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, predict_test, with_others
+
+_TOO_NARROW = RemarkKind(
+    "band_too_narrow",
+    "the {level:g} % band holds {value:.0f} % of {0}, by chance at least {least:.0f} % ({short} of {tests} tests are "
+    "held less than by chance): errors there are larger than in the tests of the calibration",
+    "calibrate on tests of such motions, too",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -31,8 +39,7 @@ class Predictions(Summarised):
 
     `used` are the tests of the calibration that the predicted ones are alike to, `None` for others; `bands` have
     their scores against the measured force beside them, and are `None` farther beyond the tests than the model was
-    tried: `tests_to_run` says which test each of these takes. `by_chance` is the share of each test that its band holds
-    at least.
+    tried. `remarks` are what the command, the observation, the tested ranges and the calibration say against them.
     """
 
     _made_by: ClassVar[str] = "mr.predict(fit, tests)"
@@ -44,9 +51,7 @@ class Predictions(Summarised):
     bands: tuple[tuple[Band, BandScore] | None, ...] = ()
     level: float | None = None
     basis: str = ""
-    new_kind: str = ""
-    tests_to_run: tuple[str, ...] = ()
-    by_chance: tuple[float, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @classmethod
     def of(
@@ -90,17 +95,13 @@ class Predictions(Summarised):
     ) -> Predictions:
         """Predictions that were made already, with the bands of a calibration."""
         bands: tuple[tuple[Band, BandScore] | None, ...] = ()
-        tests_to_run: tuple[str, ...] = ()
-        by_chance: tuple[float, ...] = ()
         if calibration is not None and level is not None:
-            made = [calibration.band(prediction, level) for prediction in predictions]
+            of_tests = [calibration.band(prediction, level) for prediction in predictions]
             bands = tuple(
                 None if band is None else (band, score(band, prediction.measured))
-                for band, prediction in zip(made, predictions, strict=True)
+                for band, prediction in zip(of_tests, predictions, strict=True)
             )
-            tests_to_run = tuple(calibration.test_to_run(prediction) for prediction in predictions)
-            by_chance = calibration.least_by_chance(predictions, level)
-        return cls(
+        made = cls(
             fit=fit,
             predictions=tuple(predictions),
             observe=observe,
@@ -111,10 +112,8 @@ class Predictions(Summarised):
             bands=bands,
             level=level,
             basis=calibration.basis if calibration is not None and bands else "",
-            new_kind=calibration.new_kind(predictions) if calibration is not None and bands else "",
-            tests_to_run=tests_to_run,
-            by_chance=by_chance,
         )
+        return replace(made, remarks=(*made._about_motions(), *made._about_bands(calibration)))
 
     @property
     def held_out(self) -> tuple[Prediction, ...]:
@@ -133,27 +132,18 @@ class Predictions(Summarised):
         unseen = [prediction for prediction in self.predictions if prediction.seen is None]
         return spread_of(unseen) if 0 < len(unseen) < len(self.predictions) else None
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
+    def _about_motions(self) -> Iterator[Remark]:
         """What the command, the observation and the tested ranges of the fit say against the predictions."""
         cases = [(prediction.test.label, prediction.outside) for prediction in self.predictions]
-        worst = [
-            f"{exceedance.in_words}, {label}"
-            + (f"; outside on {count} of {len(self.predictions)} files" if len(self.predictions) > 1 else "")
-            for exceedance, label, count in worst_of(cases)
-        ]
+        tests = [prediction.test for prediction in self.predictions]
+        yield from unestimated_effects(self.fit.settings.observe, self.observe)
+        yield from ignored_commands(self.fit.spec, tests)
+        for exceedance, label, count in worst_of(cases):
+            files = f"; outside on {count} of {len(tests)} files" if len(tests) > 1 else ""
+            yield outside_remark(exceedance, f", {label}{files}")
         limits = worst_laws(limit for _, outside in cases for limit in outside.laws)
-        conditions = [self.fit.other_condition(prediction.test) for prediction in self.predictions]
-        return (
-            *missing_warnings(self.fit.settings.observe, self.observe),
-            *prediction_warning(self.fit.spec, [prediction.test for prediction in self.predictions]),
-            *(
-                f"{in_words}; test there before you rely on it"
-                for in_words in (*worst, *(limit.in_words for limit in limits))
-            ),
-            *(condition.condition_in_words for condition in conditions if condition is not None),
-            *self._too_narrow(),
-        )
+        yield from (limit.remark(LAW_BEYOND) for limit in limits)
+        yield from (condition.condition for condition in map(self.fit.other_condition, tests) if condition)
 
     @property
     def coverage(self) -> dict[str, float]:
@@ -166,24 +156,20 @@ class Predictions(Summarised):
             if pair is not None and each.test.label in held_out
         }
 
-    def _too_narrow(self) -> list[str]:
-        """Warning of bands that hold less of a held-out test than chance leaves, of the worst."""
-        coverage = self.coverage
-        least = {
-            each.test.label: share for each, share in zip(self.predictions, self.by_chance, strict=False)
-        }
-        short = [label for label in coverage if coverage[label] < least[label]]
-        if not short:
-            return []
-        worst = min(short, key=lambda label: coverage[label])
-        count = (
-            f"; {len(short)} of {len(coverage)} tests are held less than by chance" if len(short) > 1 else ""
-        )
-        return [
-            f"the {100.0 * (self.level or 0.0):g} % band holds {100.0 * coverage[worst]:.0f} % of {worst}, by chance "
-            f"at least {100.0 * least[worst]:.0f} %{count}: errors there are larger than in the tests of the "
-            "calibration; calibrate on tests of such motions, too"
-        ]
+    def _about_bands(self, calibration: Calibration | None) -> Iterator[Remark]:
+        """Predictions without a band, of another kind than the calibration, and held by less than chance leaves."""
+        if calibration is None or self.level is None:
+            return
+        found = (*map(calibration.test_to_run, self.predictions), calibration.new_kind(self.predictions))
+        yield from filter(None, found)
+        coverage, chances = self.coverage, calibration.least_by_chance(self.predictions, self.level)
+        least = {each.test.label: share for each, share in zip(self.predictions, chances, strict=True)}
+        if short := [label for label in coverage if coverage[label] < least[label]]:
+            worst = min(short, key=lambda label: coverage[label])
+            shares = {"level": 100.0 * self.level, "least": 100.0 * least[worst]}
+            counts = {"short": len(short), "tests": len(coverage)}
+            held = Measured(100.0 * coverage[worst], "%")
+            yield _TOO_NARROW.remark(worst, measured=held, **shares, **counts)
 
     @property
     def sets_apart(self) -> str:
@@ -207,9 +193,9 @@ class Predictions(Summarised):
             "model": self.fit.model,
             "files": [self._file(number) for number in range(len(self.predictions))],
             "observe": self.observe,
-            "warnings": list(self.warnings),
+            "remarks": list(map(asdict, self.remarks)),
             **{name: asdict(spread) for name, spread in spreads.items() if spread is not None},
-            **{name: text for name, text in named(self, "sets_apart", "basis", "new_kind").items() if text},
+            **{name: text for name, text in named(self, "sets_apart", "basis").items() if text},
         }
 
     def _file(self, number: int) -> dict[str, Any]:
@@ -225,7 +211,7 @@ class Predictions(Summarised):
             "other_condition": None if condition is None else asdict(condition),
             "estimated": asdict(quality.estimated) if effects_of_each(self.observe) else None,
             "outside_tested_range": list(each.outside.names) if each.outside.known else None,
-            "warnings": list(each.outside.sentences),
+            "remarks": list(map(asdict, each.outside.remarks)),
             "sets_apart_percent": None if each.sets_apart is None else each.sets_apart.percent,
         }
         if not self.bands:
@@ -233,7 +219,7 @@ class Predictions(Summarised):
         pair = self.bands[number]
         if pair is None:
             nothing = dict.fromkeys(("coverage_percent", "mean_width_n", "interval_score", "band"))
-            return entry | nothing | {"test_to_run": self.tests_to_run[number]}
+            return entry | nothing
         band, scored = pair
         return entry | {
             "coverage_percent": 100.0 * scored.coverage,
@@ -271,12 +257,6 @@ class Predictions(Summarised):
         notes += [f"{self.sets_apart}."] if self.sets_apart else []
         if self.bands:
             notes.append(f"Bands of {100.0 * (self.level or 0.0):g} %, {self.basis}.")
-            notes += [f"{self.new_kind}."] if self.new_kind else []
-            notes += [
-                f"{prediction.test.label}: {sentence}."
-                for prediction, sentence in zip(self.predictions, self.tests_to_run, strict=True)
-                if sentence
-            ]
         if seen := [prediction.seen for prediction in self.predictions if prediction.seen is not None]:
             notes.append(f"Seen by the fit: {likenesses_in_words(seen)}.")
         notes += [] if self.spread_unseen is None else [f"Not seen by the fit: {self.spread_unseen.in_words}"]
@@ -284,7 +264,7 @@ class Predictions(Summarised):
             notes.append(f"Used for the calibration of the bands: {likenesses_in_words(used)}.")
         return Summary(
             title=f"Predictions by a fit of {self.fit.model}",
-            cautions=self.warnings,
+            remarks=self.remarks,
             tables=[Table(columns=heads, rows=rows)],
             notes=notes,
         )
@@ -354,8 +334,8 @@ def predict(
     >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
     """
     tests = (test,) if isinstance(test, DamperTest) else tuple(test)
-    for sentence in prediction_warning(fit.spec, tests):
+    for remark in ignored_commands(fit.spec, tests):
         # Of the line that calls `predict`.
-        warn(sentence, MrworkWarning, stacklevel=3)
+        warn(remark.message, MrworkWarning, stacklevel=3)
     predictions = Predictions.of(fit, tests, observe=observe, calibration=calibration, level=level)
     return predictions.predictions[0] if isinstance(test, DamperTest) else predictions

@@ -19,6 +19,7 @@ from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.progress import OnProgress, Progress, time_left
+from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.laws import LawName
@@ -35,7 +36,7 @@ from mrwork.identification.batch import FitBatch, FitTask, JournalOf
 from mrwork.identification.commands import CommandedTests, with_laws_at
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
-from mrwork.identification.problem import command_warning
+from mrwork.identification.problem import pooled_commands
 from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
@@ -46,6 +47,8 @@ from mrwork.uncertainty.choice.splits import Splits, splits_of
 from mrwork.workers.engine import Workers, on_executor, present_workers
 
 T = TypeVar("T")
+_NO_LAW = RemarkKind("laws_of_no_parameter", "none of the parameters that follow the command is one of {0}")
+_SAME_MODEL = RemarkKind("model_not_listed", "{0} is not listed: it is {1} in other parameters")
 
 
 def families(
@@ -56,7 +59,7 @@ def families(
     unit: CommandUnit,
     lagged: bool = False,
     bounds: Mapping[str, tuple[float, float]],
-) -> tuple[tuple[DamperSpec, ...], tuple[str, ...]]:
+) -> tuple[tuple[DamperSpec, ...], tuple[Remark, ...]]:
     """The named families, or all, and remarks on the selection."""
     specs, remarks = compared_models(models)
     lawful = []
@@ -70,7 +73,7 @@ def families(
     refuse_unknown("bound", bounds, [name for spec in lawful for name in spec.names])
     plain = [spec.name for spec in lawful if spec.command_unit is None]
     if laws and plain:
-        remarks += (f"none of the parameters that follow the command is one of {', '.join(plain)}",)
+        remarks += (_NO_LAW.remark(", ".join(plain)),)
     return tuple(lawful), remarks
 
 
@@ -81,17 +84,13 @@ def select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
 
 def compared_models(
     models: DamperSpec | str | Sequence[DamperSpec | str],
-) -> tuple[tuple[DamperSpec, ...], tuple[str, ...]]:
+) -> tuple[tuple[DamperSpec, ...], tuple[Remark, ...]]:
     """The named models and remarks; "all" leaves out those that are identified in the parameters of another one."""
     if models in (ALL, [ALL]):
         others = {spec.name: identifiable_form(spec, {}).spec.name for spec in damper_models()}
         return (
             tuple(spec for spec in damper_models() if others[spec.name] == spec.name),
-            tuple(
-                f"{name} is not listed: it is {form} in other parameters"
-                for name, form in others.items()
-                if name != form
-            ),
+            tuple(_SAME_MODEL.remark(name, form) for name, form in others.items() if name != form),
         )
     named = [models] if isinstance(models, str | DamperSpec) else models
     specs = tuple(damper(name) if isinstance(name, str) else name for name in named)
@@ -156,7 +155,7 @@ class Choosing(LongCall[Choice]):
     tests: tuple[DamperTest, ...]
     models: tuple[DamperSpec, ...]
     splits: Splits
-    remarks: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     threads: int
     journal_of: JournalOf | None
     failed: dict[str, str] = field(default_factory=dict)
@@ -398,14 +397,14 @@ def choose_model(
     )
     splits = splits_of(tests, leave_out)
     _refuse_few_commands(compared, tests, splits)
-    about_commands = command_warning(tests, compared)
-    for sentence in about_commands:
-        warn(sentence, MrworkWarning, stacklevel=5)
+    pooled = tuple(pooled_commands(tests, compared))
+    for message in warnings_of(pooled):
+        warn(message, MrworkWarning, stacklevel=5)
     running = _ChoosingModel(
         tests=tests,
         models=compared,
         splits=splits,
-        remarks=(*remarks, *about_commands, *splits.remarks),
+        remarks=(*remarks, *pooled, *splits.remarks),
         threads=threads,
         journal_of=journal_of,
         on_progress=on_progress,
@@ -417,6 +416,6 @@ def choose_model(
         for family in compared:
             running.evaluate(family, batch)
     choice = running.choice()
-    for sentence in choice.ranking.doubts:
-        warn(sentence, MrworkWarning, stacklevel=5)
+    for message in warnings_of(remark for remark in choice.ranking.remarks if remark not in running.remarks):
+        warn(message, MrworkWarning, stacklevel=5)
     return choice

@@ -160,7 +160,7 @@ class LawSearch:
         self._fit_laws([self.first_laws], [starts])
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(self.fitted[0], wider)
-        if all(fitted.row.objection for fitted in self.fitted):
+        if all(fitted.row.remarks for fitted in self.fitted):
             self._revive(self.fitted[-1])
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
@@ -196,7 +196,7 @@ class LawSearch:
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
         errors_of = [
-            [fitted.row.error for fitted in self.fitted if bool(fitted.row.objection) is dead]
+            [fitted.row.error for fitted in self.fitted if bool(fitted.row.remarks) is dead]
             for dead in (True, False)
         ]
         dead, sound = (min(errors, default=np.inf) for errors in errors_of)
@@ -225,7 +225,7 @@ class LawSearch:
 
     def frontier(self) -> list[FittedLaws]:
         """Sets of laws whose neighbours are tried: the best, the simplest that is as good, and further good ones."""
-        sound = [fitted for fitted in self.fitted if not fitted.row.objection] or self.fitted
+        sound = [fitted for fitted in self.fitted if not fitted.row.remarks] or self.fitted
         order = sorted(sound, key=lambda fitted: fitted.row.error)
         rows, simplest = choose_from([fitted.row for fitted in order])
         good = [fitted for fitted in order if fitted.row in rows]

@@ -15,6 +15,7 @@ import numpy as np
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.progress import OnProgress, Progress
+from mrwork.base.remark import Measured, RemarkKind
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
@@ -49,6 +50,8 @@ from mrwork.uncertainty.choice.ranking import RULES, RULES_OF_LAWS, Ranking, Sta
 _MOST_OTHERS = 4
 _LEAST_APART = 0.001
 _BEYOND = 1.4
+_NO_LAG = RemarkKind("lag_not_shown", "{0} shows no lag of the driver, which is left out of its laws")
+_NOT_LISTED = RemarkKind("laws_not_listed", "not listed: {value:.0f} with the force of simpler laws")
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -74,7 +77,7 @@ class _ChoosingLaws(Choosing):
             search.take_effects(first)
             if search.folds.model.lagged and not first.spec.lagged:
                 search.leave_lag_out()
-                self.remarks += (f"{search.name} shows no lag of the driver, which is left out of its laws",)
+                self.remarks += (_NO_LAG.remark(search.name),)
             with_journal(self.journal_of, f"{search.name}/laws", partial(self._try_laws, search))
 
     def choice(self) -> Choice:
@@ -245,7 +248,7 @@ class _ChoosingLaws(Choosing):
         """The ranking of the laws that were fitted, and of models that could not be."""
         rows = [laws.row for search in self.searches.values() for laws in search.distinct()]
         n_same = len(self.fitted_laws) - len(rows)
-        same = [f"not listed: {n_same} with the same force as laws with fewer parameters"] if n_same else []
+        same = [_NOT_LISTED.remark(measured=Measured(n_same, ""))] if n_same else []
         rows += [self.failing(model) for model in self.models if model.name in self.failed]
         return self.ranked(
             rows,

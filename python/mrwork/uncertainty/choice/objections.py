@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
-from mrwork.dampers.spec import DamperSpec, LawLimit, hidden_extrema, law_limits
+from mrwork.dampers.spec import LAW_LEAVES_RANGE, DamperSpec, LawLimit, hidden_extrema, law_limits
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of, range_of_tests
@@ -18,32 +19,36 @@ from mrwork.records.damper_test import loading_of, range_of_tests
 # Up to this multiple of the tested velocities the force may fall by this share at most.
 _FASTER = 2.0
 _FALLS = 0.02
+_TOO_STIFF = RemarkKind("too_stiff_for_building", "it takes {cost}", warns=True)
+_FALLING = RemarkKind(
+    "force_falls",
+    "its force falls by {value:.2g} % from {peak:.3g} to {faster:.3g} mm/s in the motion of {0}",
+    warns=True,
+)
 
 
 def objections_to(
     spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest], cost: BuildingCost
-) -> tuple[str, ...]:
-    """Why the parameters, shape (n_params,), are not to be chosen while others are left; a clause each.
+) -> Iterator[Remark]:
+    """Why the parameters, shape (n_params,), are not to be chosen while others are left.
 
     A positive parameter whose law leaves its range or vanishes within the tested commands, or has an extremum between
     two constant ones, unless it has a value at each of them, through which there is a law without; a force that falls
     when the fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be
     simulated with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
     """
-    clauses = [limit.in_words for limit in dying_laws(spec, theta, tests)]
+    yield from (limit.remark(LAW_LEAVES_RANGE) for limit in dying_laws(spec, theta, tests))
     levels = range_of_tests(tests, spec.command_unit).levels
     hidden = () if any(test.has_varying_command for test in tests) else hidden_extrema(spec, theta, levels)
-    clauses += [
-        extremum.in_words
+    yield from (
+        extremum.remark
         for extremum in hidden
         if extremum.parameter in _positive(spec)
         and spec.laws_by_name[extremum.parameter].n_coefficients < len(levels)
-    ]
-    if falling := _falling_force(spec, theta, tests):
-        clauses.append(falling)
+    )
+    yield from _falling_force(spec, theta, tests)
     if not cost.is_possible:
-        clauses.append(f"it takes {cost.in_words}")
-    return tuple(clauses)
+        yield _TOO_STIFF.remark(cost=cost.in_words)
 
 
 def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> tuple[LawLimit, ...]:
@@ -69,9 +74,9 @@ def fastest_at_commands(
     return tuple(fastest.values())
 
 
-def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> str:
-    """That the force falls beyond the tested velocities, at the command where it falls most; else empty."""
-    worst, sentence = -_FALLS, ""
+def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> Iterator[Remark]:
+    """Warn of a force that falls beyond the tested velocities, at the command where it falls most."""
+    worst, test_of_worst = -_FALLS, None
     for test, loading in fastest_at_commands(spec, tests):
         faster = replace(loading, dt=loading.dt / _FASTER, velocity=test.velocity * _FASTER)
         runs = [simulate_forces(spec, theta[None], each.history()) for each in (loading, faster)]
@@ -79,10 +84,7 @@ def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest])
             continue
         tested, beyond = (float(np.std(run.force[0])) for run in runs)
         if tested > 0.0 and beyond / tested - 1.0 < worst:
-            worst = beyond / tested - 1.0
-            peak = 1e3 * float(np.abs(test.velocity).max())
-            sentence = (
-                f"its force falls by {-100.0 * worst:.2g} % from {peak:.3g} to {_FASTER * peak:.3g} mm/s "
-                f"in the motion of {test.name}"
-            )
-    return sentence
+            worst, test_of_worst = beyond / tested - 1.0, test
+    if test_of_worst is not None:
+        peak, fall = 1e3 * float(np.abs(test_of_worst.velocity).max()), Measured(-100.0 * worst, "%")
+        yield _FALLING.remark(test_of_worst.name, measured=fall, peak=peak, faster=_FASTER * peak)

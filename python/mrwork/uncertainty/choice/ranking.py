@@ -5,7 +5,7 @@ A candidate is a model with the laws of its parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from operator import attrgetter
@@ -16,6 +16,7 @@ import numpy as np
 from mrwork.base.arguments import NotNegative, Whole
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_fixed
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, declared, text_table
 from mrwork.base.units import CommandUnit
@@ -75,7 +76,7 @@ class Standing:
     `laws` are without constant ones. `left_out` has the error (NRMSE) of each unit left out, empty where the
     candidate failed, for the `reason`; `median_percent` and `worst_percent` are of single tests, of which
     `not_predicted` could not be simulated. `steps` are of a sample in a building, `None` where too many. The
-    `objection` speaks against a choice. A collapsed candidate, which has the fit of `same_as`, may be ahead.
+    `remarks` speak against a choice. A collapsed candidate, which has the fit of `same_as`, may be ahead.
     """
 
     model: str
@@ -97,7 +98,7 @@ class Standing:
     median_percent: float | None = None
     worst_percent: float | None = None
     not_predicted: tuple[str, ...] = ()
-    objection: str = ""
+    remarks: tuple[Remark, ...] = ()
     steps: float | None = None
     is_costly: bool = False
     same_as: str = ""
@@ -134,7 +135,7 @@ class Standing:
             not_predicted=tuple(failed),
             steps=cost.steps if cost.is_possible else None,
             is_costly=cost.is_high,
-            objection="; ".join(objections_to(spec, theta, tests, cost)),
+            remarks=tuple(objections_to(spec, theta, tests, cost)),
         )
 
     @property
@@ -168,7 +169,12 @@ class Standing:
         return _with_error(self.left_out_percent, self.left_out_error)
 
     @property
-    def remark(self) -> str:
+    def objection(self) -> str:
+        """What speaks against a choice, in words."""
+        return "; ".join(remark.message for remark in self.remarks)
+
+    @property
+    def verdict_in_words(self) -> str:
         """The verdict, what makes it doubtful, and why the candidate failed."""
         parts = (
             "" if self.verdict == "behind" else self.verdict,
@@ -228,7 +234,7 @@ _COLUMNS = (
     _column("left_out_behind_error", "standard error of that difference", unit="%"),
     _column("median_percent", "median fit of single tests left out", unit="%"),
     _column("worst_percent", "worst fit of single tests left out", "worst", unit="%"),
-    TableColumn(heading="remark", cell=attrgetter("remark")),
+    TableColumn(heading="remark", cell=attrgetter("verdict_in_words")),
     TableColumn(heading="laws", cell=attrgetter("laws_in_words"), key="laws"),
 )
 # The same of families that are screened.
@@ -256,7 +262,7 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
         raise SettingError(f"no model predicts what was left out of its fit ({reasons})")
     simpler = {candidate.model for candidate in predicted}
     distinct = [candidate for candidate in predicted if candidate.same_as not in simpler]
-    sound = [candidate for candidate in distinct if not candidate.objection] or distinct
+    sound = [candidate for candidate in distinct if not candidate.remarks] or distinct
     good, chosen = choose_from(sound)
     failed = [candidate for candidate in candidates if not candidate.has_predicted]
     lost = [*failed, *(candidate for candidate in predicted if candidate.not_predicted)]
@@ -320,6 +326,13 @@ def error_of_mean(values: Floats) -> float | None:
 
 # Number of folds below which a standard error is uncertain.
 _FEW_FOLDS = 4
+_NOT_COMPARED = RemarkKind("not_compared", "not compared, as it failed: {0}", warns=True)
+_NONE_CHOSEN = RemarkKind(
+    "none_chosen",
+    "no {what} is chosen: {0} than {1} ({percent:.2f} %), the best of those that could be compared",
+    "change what it failed for and compare again",
+)
+_COSTLY = RemarkKind("chosen_costly", "the fit of {0} takes {cost}; {others}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -337,7 +350,7 @@ class Ranking(WithAxes, Summarised):
     standings: tuple[Standing, ...]
     held_out: str
     n_folds: Whole
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     missing: tuple[str, ...] = ()
     definitions: tuple[str, ...] = (*RULES, RULE_OF_COLLAPSE)
     unit: CommandUnit | None = None
@@ -349,7 +362,7 @@ class Ranking(WithAxes, Summarised):
     def of(cls, candidates: Sequence[Standing], **facts: Any) -> Ranking:
         """The ranking of candidates, with its sentence; `facts` are further fields."""
         ranking = cls(chosen="", standings=rank(candidates), **facts)
-        remarks = (*ranking.remarks, *ranking._remark_on_cost())
+        remarks = (*ranking.remarks, *ranking._found())
         return replace(
             ranking, chosen=ranking.chosen_standing.model, remarks=remarks, sentence=ranking._sentence()
         )
@@ -407,14 +420,6 @@ class Ranking(WithAxes, Summarised):
         return len({standing.model for standing in self.standings})
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """Sentences on candidates that failed, and on why none is chosen."""
-        failed = [f"{standing.model} ({standing.reason})" for standing in self._of("failed")]
-        their = "its predictions" if len(failed) == 1 else "their predictions"
-        sentence = f"not compared, as {their} failed: {list_names(failed)}" if failed else ""
-        return tuple(filter(None, (sentence, self._none_chosen())))
-
-    @property
     def table(self) -> Table:
         """The candidates; columns that are empty are left out, and so is the model where laws of one were tried."""
         columns = []
@@ -432,59 +437,56 @@ class Ranking(WithAxes, Summarised):
             title=f"Choice of {self._what}: {self.chosen}{provisional}",
             facts=(("evaluated on", self.held_out),),
             tables=[replace(text_table(_SCREENED, self.screened), title="Screened families"), self.table],
-            notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
+            remarks=self.remarks,
+            notes=(self.sentence,),
         )
 
-    def _remark_on_cost(self) -> tuple[str, ...]:
-        """A sentence where the chosen candidate is costly in a building; it names the best candidate that is not."""
+    def _found(self) -> Iterator[Remark]:
+        """Candidates that failed, why none is chosen, and a costly choice beside the best candidate that is not."""
         chosen = self.chosen_standing
+        if failed := [f"{standing.model} ({standing.reason})" for standing in self._of("failed")]:
+            yield _NOT_COMPARED.remark(list_names(failed))
+        if chosen.verdict == "provisional":
+            better = [
+                f"{standing.in_words}, which failed, fits all tests far better ({standing.fit_percent:.2f} %)"
+                for standing in self.standings
+                if (standing.verdict == "failed" or standing.not_predicted)
+                and _is_far_better(standing, chosen)
+            ]
+            what = "set of laws" if chosen.laws else "family"
+            yield _NONE_CHOSEN.remark(
+                list_names(better), chosen.title, what=what, percent=chosen.fit_percent or 0.0
+            )
         if not chosen.is_costly:
-            return ()
+            return
         steps = inf if chosen.steps is None else chosen.steps
-        text = f"the fit of {chosen.in_words} takes {BuildingCost(steps=steps).in_words}"
         cheap = [standing for standing in self.standings if standing.has_predicted and not standing.is_costly]
-        if not cheap:
-            return (f"{text}, and so does every other that predicts what was left out",)
-        best = min(cheap, key=attrgetter("error"))
-        return (
-            f"{text}; of those that take fewer than {MANY} {best.in_words} comes nearest "
-            f"({best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} % left out)",
-        )
-
-    def _none_chosen(self) -> str:
-        """A sentence where the choice is provisional, else nothing."""
-        chosen = self.chosen_standing
-        if chosen.verdict != "provisional":
-            return ""
-        better = [
-            f"{standing.in_words}, which failed, fits all tests far better ({standing.fit_percent:.2f} %)"
-            for standing in self.standings
-            if (standing.verdict == "failed" or standing.not_predicted) and _is_far_better(standing, chosen)
-        ]
-        return (
-            f"No {'family' if not chosen.laws else 'set of laws'} is chosen: {list_names(better)} than {chosen.title} "
-            f"({chosen.fit_percent:.2f} %), the best of those that could be compared; change what it failed for and "
-            "compare again"
-        )
+        others = "every other that predicts what was left out takes as many"
+        if cheap:
+            best = min(cheap, key=attrgetter("error"))
+            others = (
+                f"of those that take fewer than {MANY} {best.in_words} comes nearest "
+                f"({best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} % left out)"
+            )
+        cost = BuildingCost(steps=steps).in_words
+        yield _COSTLY.remark(chosen.in_words, measured=Measured(steps, ""), cost=cost, others=others)
 
     def _sentence(self) -> str:
         """What was chosen, how it predicts, and what lies behind."""
         chosen, best = self.chosen_standing, self.standings[0]
-        failed = list_names([standing.title for standing in self._of("failed")])
-        parts = [f"Failed, and so not compared: {failed}"] if failed else []
-        parts += [self._none_chosen(), self._choice()]
+        parts = [self._choice()]
         others = [standing.in_words for standing in self._of("as good") if standing is not best]
         if others:
             parts.append(f"As good with no fewer parameters: {list_names(others)}")
-        for runner_up in self._of("behind")[:1]:
-            parts.append(
-                f"Next comes {runner_up.in_words} with {runner_up.n_params} parameters, "
-                f"{_points(runner_up, chosen)} behind the best"
-            )
+        parts += [
+            f"Next comes {runner_up.in_words} with {runner_up.n_params} parameters, "
+            f"{_points(runner_up, chosen)} behind the best"
+            for runner_up in self._of("behind")[:1]
+        ]
         if chosen.not_predicted:
             names = list_names(chosen.not_predicted)
             parts.append(f"{names} could not be simulated when left out, which counts as 0 %")
-        if chosen.objection:
+        if chosen.remarks:
             parts.append(
                 f"Something speaks against every candidate, against the chosen one that {chosen.objection}"
             )

@@ -5,7 +5,7 @@ It takes a second or two a family, and tells which of them predict a rig before 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain, groupby
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.progress import OnProgress, Progress
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import ALL, DamperSpec
@@ -43,6 +44,11 @@ _CLOSE = 0.5
 _LESS = 0.05
 # Points by which the held-out fit of a family is visibly better.
 _VISIBLE = 2.0
+_BETTER_FAMILY = RemarkKind(
+    "family_predicts_better",
+    "{0} predicts the later half of this test better than {1}, to {value:.1f} instead of {percent:.1f} %",
+    "to fit it add --model {2}",
+)
 # Most tests of a command, those on which starting points are drawn, and cycles of an excerpt.
 _PER_COMMAND, _DRAWN_ON, _CYCLES = 6, 2, 2
 # Starts at each command, most iterations of a fit, and the decrease of the squared misfit that ends it.
@@ -129,7 +135,7 @@ class Screening:
         nrmse = np.sqrt(squared.min(axis=0))
         errors = [nrmse[number, members] for number, members in enumerate(self.splits.members)]
         return replace(
-            row.scored(errors, self.splits, spec, theta[-1], tests[-1]), status="converged", objection=""
+            row.scored(errors, self.splits, spec, theta[-1], tests[-1]), status="converged", remarks=()
         )
 
 
@@ -212,11 +218,10 @@ def screen_families(
     return tuple(replace(row, verdict="goes on") if row.model in names else row for row in ranked)
 
 
-def better_family(rows: Sequence[Standing], model: str) -> tuple[str, ...]:
-    """That a screened family predicts a test visibly better than a model, and what to type; else empty."""
-    return tuple(
-        f"{rows[0].title} predicts the later half of this test better than {own.title}, to "
-        f"{rows[0].left_out_percent:.1f} instead of {own.left_out_percent:.1f} %; to fit it add --model {rows[0].model}"
-        for own in rows
-        if own.model == model and own.has_predicted and 100.0 * (own.error - rows[0].error) > _VISIBLE
-    )
+def better_family(rows: Sequence[Standing], model: str) -> Iterator[Remark]:
+    """Warn that a screened family predicts a test visibly better than a model."""
+    for own in rows:
+        if own.model == model and own.has_predicted and 100.0 * (own.error - rows[0].error) > _VISIBLE:
+            left_out = Measured(100.0 * (1.0 - rows[0].error), "%")
+            words = rows[0].title, own.title, rows[0].model
+            yield _BETTER_FAMILY.remark(*words, measured=left_out, percent=100.0 * (1.0 - own.error))

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.identification.fit import Fit
@@ -23,7 +24,7 @@ from mrwork.uncertainty.bands.prediction import (
     IN_WORDS,
     LATER_CYCLES,
     ONE_TEST,
-    alike_remark,
+    alike_tests,
     cycle_errors,
     folds_of,
     groups_of,
@@ -42,6 +43,7 @@ _AT = 0.1
 _EXACT = 1e-9
 # Number of motions from which on motions are left out by default, and those beyond the rest.
 _MOTIONS = 3
+_KEPT = RemarkKind("extreme_not_left_out", "the {0} motion is not left out with all at or beyond it: {1}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +67,7 @@ class Splits:
     splits: tuple[Split, ...]
     units: tuple[int, ...]
     fold: Fold | None
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     parts: str = "tests"
 
     @property
@@ -141,13 +143,14 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
     """Splits of the tests by `fold`, or the default one, and those beyond the rest, which keep every command."""
     if len(tests) == 1:
         later = (Split(members=(1,)),)
-        return Splits(tests=halves(tests[0]), splits=later, units=(0, 1), fold=None, remarks=(ONE_TEST,))
+        return Splits(
+            tests=halves(tests[0]), splits=later, units=(0, 1), fold=None, remarks=(ONE_TEST.remark(),)
+        )
     fold = fold or default_fold(tests)
     folds = folds_of(tests, fold)
     motions = groups_of(tests, "motion")
     by_motion = len(motions) >= _MOTIONS
-    alike = alike_remark(tests)
-    remarks = [alike] if alike else []
+    remarks = [*alike_tests(tests)]
     levels = [set_points(test) for test in tests]
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
     for end, size in _ENDS.items() if by_motion else ():
@@ -165,7 +168,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
         else:
             ends[members] = (*ends.get(members, ()), end)
             continue
-        remarks.append(f"the {end} motion is not left out with every test at or beyond it: {reason}")
+        remarks.append(_KEPT.remark(end, reason))
     inside = [members for fold in folds if (members := tuple(sorted(fold))) not in ends]
     return Splits(
         tests=tuple(tests),

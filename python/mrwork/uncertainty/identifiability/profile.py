@@ -20,6 +20,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import OnProgress, Progress
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
@@ -46,6 +47,10 @@ from mrwork.uncertainty.identifiability.walks import (
 
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"
+_BETTER_FIT = RemarkKind(
+    "better_fit_found",
+    "a better fit was found on the way, which replaces the profiled one: NRMSE {value:.6g} after {before:.6g}",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -122,7 +127,7 @@ class Profiles(Plotted, WithAxes, Summarised):
     n_effective: Positive
     profiles: tuple[Profile, ...]
     status: Literal["finished", "interrupted"]
-    remark: str
+    remarks: tuple[Remark, ...]
     evaluations: Whole
     seconds: NotNegative
     better: Fit | None = field(default=None, compare=False)
@@ -186,7 +191,7 @@ class Profiles(Plotted, WithAxes, Summarised):
                 ("profiled by", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
             ),
             tables=[Table(columns=columns, rows=rows)],
-            notes=(self.remark,),
+            remarks=self.remarks,
         )
 
 
@@ -363,10 +368,9 @@ def profile(
             n_effective=slopes.n_effective,
             profiles=made,
             status=status,
-            remark=""
+            remarks=()
             if improvement < _BETTER
-            else "a better fit was found on the way, which replaces the profiled one: NRMSE "
-            f"{np.sqrt(least):.6g} after {fit.nrmse:.6g}; the profiles are about it",
+            else (_BETTER_FIT.remark(measured=Measured(float(np.sqrt(least)), ""), before=fit.nrmse),),
             evaluations=objective.tally.simulations,
             seconds=call.seconds,
         )

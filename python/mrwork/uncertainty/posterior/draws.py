@@ -423,7 +423,7 @@ def read_draws(run: RunFolder, fit: Fit) -> Draws | None:
     content = run.content(DRAWS, verb=_VERB)
     if content is None:
         return None
-    with run.explained(DRAWS):
+    with run.explained(DRAWS, verb=_VERB):
         path = run.path / DRAWS
         return _draws(members_of(content, path, remedy=f"run `mrwork sample {run.path}` again"), fit)
 
