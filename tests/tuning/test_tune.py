@@ -19,7 +19,7 @@ from mrwork.study.results import bands_over
 from mrwork.study.run import unrun
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
-from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, with_tuned_rows, with_tuning
+from mrwork.tuning.judging import TunedStudy, judge, with_tuned_rows, with_tuning
 from mrwork.tuning.law_plan import Bench
 from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.run import plan_of
@@ -56,7 +56,7 @@ def test_the_study_finds_the_objective_again_and_judges_on_motions_that_the_tuni
     assert results.training == ("A",)
     assert [judged.motions[each].name for each in judged.judged_motions] == ["B", "C"]
     assert judged.held_out
-    assert TRAINING_ONLY not in judged.warnings()
+    assert "motions_not_held_out" not in [each.code for each in judged.remarks]
     wider = with_tuned_rows(study, results)
     assert with_tuned_rows(wider, results).arrangements == wider.arrangements
     for law in (*results.laws, *results.references):
@@ -253,7 +253,7 @@ def test_realisations_belong_to_a_robust_objective() -> None:
     assert train.objective == pytest.approx(law.least, rel=1e-12)
     # Without other motions nothing is judged.
     assert judged.judgement(law, "test") is None
-    assert TRAINING_ONLY in judged.warnings()
+    assert "motions_not_held_out" in [each.code for each in judged.remarks]
 
 
 @pytest.mark.parametrize(
