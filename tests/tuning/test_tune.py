@@ -41,6 +41,19 @@ def judged(study: mr.Study, results: TuningResults) -> TunedStudy:
     return judge(study, results, threads=1)
 
 
+def test_a_largest_command_that_is_the_best_constant_one_is_told_once(
+    results: TuningResults, judged: TunedStudy
+) -> None:
+    largest = next(each for each in results.references if each.kind == "passive")
+    best = (
+        replace(each, settings=largest.settings) if each.kind == "best_passive" else each
+        for each in results.references
+    )
+    small = replace(results, references=tuple(best))
+    for found in (small.remarks, replace(judged, tuned=small).remarks):
+        assert [each.code for each in found].count("largest_command_best") == 1
+
+
 def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
     results: TuningResults,
 ) -> None:
