@@ -15,6 +15,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork import buildings
+from mrwork.base.remark import Measured
 from mrwork.buildings import modes  # the quick check and the poles, which no public function shows apart
 from mrwork.buildings.state_space import building_of
 
@@ -62,10 +63,10 @@ def test_the_ratio_in_the_sentence_is_that_of_the_pole() -> None:
 
 
 UNDAMPED = {
-    "no damping": (0.0 * UTS.damping, "uts: 5 of 5 modes have no damping. "),
+    "no damping": (0.0 * UTS.damping, "uts: 5 of 5 modes have no damping; "),
     "rounding below zero": (
         with_ratios(0.01, -1e-9, 0.01, 0.01, 0.01),
-        "uts: 1 of 5 modes has no damping, the lowest of these at 8.74 Hz. ",
+        "uts: 1 of 5 modes has no damping, the lowest of these at 8.74 Hz; ",
     ),
 }
 
@@ -73,8 +74,9 @@ UNDAMPED = {
 @pytest.mark.parametrize(("damping", "words"), UNDAMPED.values(), ids=UNDAMPED)
 def test_undamped_modes_are_said_by_the_building_and_its_summary(damping: Floats, words: str) -> None:
     frame = replace(UTS, damping=damping)
-    (said,) = frame.damping_warnings
-    assert said.startswith(words)
+    (said,) = frame.damping_remarks
+    assert said.code == "modes_undamped"
+    assert said.message.startswith(words)
     assert words in " ".join(repr(frame).split())
 
 
@@ -91,7 +93,7 @@ DAMPED = {
 @pytest.mark.parametrize("damping", DAMPED.values(), ids=DAMPED)
 def test_a_damped_building_is_silent(damping: Floats) -> None:
     frame = replace(UTS, damping=damping)
-    assert frame.damping_warnings == ()
+    assert frame.damping_remarks == ()
     overdamped = (
         np.einsum("im,ij,jm->m", frame.modes, damping, frame.modes) > 4.0 * np.pi * frame.frequencies
     ).any()
@@ -108,26 +110,25 @@ def test_a_damped_building_is_silent(damping: Floats) -> None:
     ids=["brace", "light brace", "slow mass"],
 )
 def test_an_undamped_addition_is_no_undamped_frame(add: Callable[[mr.Building], mr.Building]) -> None:
-    assert add(UTS).damping_warnings == ()
-    (said,) = add(replace(UTS, damping=0.0 * UTS.damping)).damping_warnings
-    assert "6 of 6 modes have no damping" in said
+    assert add(UTS).damping_remarks == ()
+    (said,) = add(replace(UTS, damping=0.0 * UTS.damping)).damping_remarks
+    assert "6 of 6 modes have no damping" in said.message
 
 
 def test_damping_that_drives_a_motion_of_no_mode_is_said() -> None:
     """A dashpot of the wrong sign may hide behind the damping of the others."""
     frame = replace(UTS, damping=UTS.damping - 1.2 * dashpot(2))
     assert np.linalg.eigvalsh(frame.damping)[0] < 0.0 > frame.poles.real.max()
-    (said,) = frame.damping_warnings
-    assert "although every mode decays" in said
+    assert [each.code for each in frame.damping_remarks] == ["damping_drives"]
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.3], ids=["undamped", "damped"])
 def test_a_motion_without_stiffness_is_said_apart(damping: float) -> None:
     stiffness = UTS.stiffness - 1.448e6 * np.diag([1.0, 0.0, 0.0, 0.0, 0.0])
     frame = replace(UTS, stiffness=stiffness, damping=damping * UTS.mass)
-    free, *undamped = frame.damping_warnings
-    assert "1 of 5 modes has no stiffness" in free
-    assert ["4 of 5 modes have no damping" in each for each in undamped] == ([] if damping else [True])
+    free, *undamped = frame.damping_remarks
+    assert free.code == "modes_free"
+    assert [each.code for each in undamped] == ([] if damping else ["modes_undamped"])
     # Damping in proportion to the stiffness leaves the free motion alone.
     grows = replace(UTS, stiffness=stiffness, damping=1e-3 * stiffness - 0.1 * UTS.mass)
     refusal(grows.check, match="ratio -1")
@@ -167,5 +168,6 @@ def test_a_tall_building_with_one_undamped_mode_is_found_without_coupling() -> N
     ratios = np.full(n, 0.02)
     ratios[6] = 0.0
     tall = buildings.with_modal_damping(frame, ratios=ratios.tolist())
-    (sentence,) = tall.damping_warnings
-    assert f"1 of 320 modes has no damping, the lowest of these at {frame.frequencies[6]:.4g} Hz" in sentence
+    (found,) = tall.damping_remarks
+    assert found.code == "modes_undamped"
+    assert found.measured == Measured(pytest.approx(frame.frequencies[6]), "Hz")

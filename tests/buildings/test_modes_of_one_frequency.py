@@ -61,7 +61,7 @@ def test_the_first_of_equal_modes_has_all_their_participation() -> None:
     assert_allclose(two.effective_masses[[0, 2]], 2.0 * one.effective_masses, rtol=1e-9)
     assert_allclose(two.effective_masses[[1, 3]], 0.0, atol=1e-9)
     assert_allclose(two.participation.sum(), 1.0)
-    assert buildings.with_modal_damping(two, ratios=[0.02]).warnings == ()
+    assert buildings.with_modal_damping(two, ratios=[0.02]).remarks == ()
 
 
 def test_equal_modes_with_one_damped_tower_have_the_ratios_of_each_tower() -> None:

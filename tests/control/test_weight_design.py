@@ -186,12 +186,12 @@ def test_only_ratios_matter() -> None:
 def test_limits_out_of_reach_are_explained_with_a_budget_that_reaches_them() -> None:
     found = design(frame(), limits={"rms_drift": 4e-3}, budget=100.0)
     assert found.reachable_ratio > 1.0
-    assert "cannot be met with this budget" in found.in_words[0]
+    assert found.remarks[0].code == "limits_unreachable"
     enough = design(frame(), limits={"rms_drift": 4e-3}, budget=100.0 * found.budget_factor)
     assert enough.reachable_ratio == pytest.approx(1.0, rel=1e-4)
     never = design(frame(), limits={"rms_acceleration": 1e-3}, budget=100.0)
     assert never.budget_factor == np.inf
-    assert "100 times the budget" in never.in_words[0]
+    assert "100 times the budget" in never.remarks[0].message
 
 
 def test_each_device_has_its_budget() -> None:

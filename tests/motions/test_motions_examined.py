@@ -43,27 +43,35 @@ def with_a_spike() -> GroundMotion:
 
 
 @pytest.mark.parametrize(
-    ("motion", "words"),
+    ("motion", "code", "size"),
     [
-        (with_a_spike(), "leaps away from both neighbours"),
-        (with_samples(np.clip(HONEST.acceleration, -0.6 * HONEST.peak, 0.6 * HONEST.peak)), "is clipped"),
-        (with_samples(HONEST.acceleration + 0.03 * HONEST.peak), "is an offset"),
-        (with_samples(np.zeros(500)), "is 0 m/s2 throughout"),
-        (with_samples(np.full(500, 0.5)), "is 0.5 m/s2 throughout"),
-        (with_samples(HONEST.acceleration, dt=1.0), "step is 1 s"),
-        (with_samples(HONEST.acceleration, dt=1e-5), "step is 1e-05 s"),
-        (with_samples(HONEST.acceleration * 100.0 / HONEST.peak), "peak is 100 m/s2"),
-        (with_samples(HONEST.acceleration * 1e-3 / HONEST.peak), "peak is 0.001 m/s2"),
+        (with_a_spike(), "samples_wild", None),
+        (
+            with_samples(np.clip(HONEST.acceleration, -0.6 * HONEST.peak, 0.6 * HONEST.peak)),
+            "acceleration_clipped",
+            None,
+        ),
+        (with_samples(HONEST.acceleration + 0.03 * HONEST.peak), "acceleration_offset", None),
+        (with_samples(np.zeros(500)), "acceleration_constant", 0.0),
+        (with_samples(np.full(500, 0.5)), "acceleration_constant", 0.5),
+        (with_samples(HONEST.acceleration, dt=1.0), "step_unusual", 1.0),
+        (with_samples(HONEST.acceleration, dt=1e-5), "step_unusual", 1e-5),
+        (with_samples(HONEST.acceleration * 100.0 / HONEST.peak), "acceleration_unusual", 100.0),
+        (with_samples(HONEST.acceleration * 1e-3 / HONEST.peak), "acceleration_unusual", 1e-3),
     ],
 )
-def test_a_fault_is_told_wherever_a_motion_is_read(tmp_path: Path, motion: GroundMotion, words: str) -> None:
-    (sentence,) = motion.warnings
-    assert words in sentence
-    assert sentence in " ".join(repr(motion).split())
+def test_a_fault_is_told_wherever_a_motion_is_read(
+    tmp_path: Path, motion: GroundMotion, code: str, size: float | None
+) -> None:
+    (found,) = motion.remarks
+    assert (found.code, found.words, found.severity) == (code, (motion.name,), "warning")
+    assert found.measured is not None
+    assert size is None or found.measured.value == pytest.approx(size)
+    assert found.in_words in " ".join(repr(motion).split())
     pairs = zip(motion.time.tolist(), motion.acceleration.tolist(), strict=True)
     path = tmp_path / "motion.csv"
     path.write_text("\n".join(["t_s,a_mps2", *(f"{time!r},{value!r}" for time, value in pairs)]))
-    with pytest.warns(MrworkWarning, match=words):
+    with pytest.warns(MrworkWarning, match="ground motion motion: "):
         read_motion(path)
 
 
@@ -77,7 +85,7 @@ def test_honest_motions_are_silent() -> None:
     for motion in (*drawn, *made):
         # Recorders with few digits are honest, too.
         coarse = replace(motion, acceleration=np.round(motion.acceleration, 2))
-        assert motion.warnings == coarse.warnings == ()
+        assert motion.remarks == coarse.remarks == ()
 
 
 @pytest.mark.skipif(not (measured_data.DATA / "records/real").is_dir(), reason="no measured records")
@@ -85,7 +93,7 @@ def test_measured_records_are_silent() -> None:
     records = measured_data.DATA / "records"
     motions = (*read_motions(records / "real"), *read_motions(str(records / "*.csv")))
     assert len(motions) == 20
-    assert [motion.warnings for motion in motions] == [()] * 20
+    assert [motion.remarks for motion in motions] == [()] * 20
 
 
 def test_planted_faults_are_told_and_honest_records_are_not() -> None:

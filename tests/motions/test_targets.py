@@ -142,9 +142,11 @@ def test_the_mean_counts_between_a_fifth_and_twice_the_period() -> None:
 @pytest.mark.parametrize(("wanted", "would_be"), [(0.5, "stronger"), (1.0, ""), (2.0, "weaker")])
 def test_a_suite_far_from_its_target_is_told(wanted: float, would_be: str) -> None:
     factor = wanted / check_suite(SUITE, TARGET, period=0.5).mean_ratio
-    told = check_suite([scaled(each, factor) for each in SUITE], TARGET, period=0.5).warnings
-    assert len(told) == bool(would_be)
-    assert all(f"3 motions is {wanted:.2g} times the target" in each and would_be in each for each in told)
+    told = check_suite([scaled(each, factor) for each in SUITE], TARGET, period=0.5).remarks
+    assert [each.words[1] for each in told] == [would_be][: bool(would_be)]
+    assert [each.measured.value for each in told if each.measured] == pytest.approx(
+        [wanted][: bool(would_be)]
+    )
 
 
 def test_a_code_wants_its_number_of_records() -> None:

@@ -91,8 +91,8 @@ def test_a_study_is_read_back_with_the_numbers_and_figures_that_it_had(runs: Pat
     for figure in ("storey_profiles", "energies"):
         shown, expected = (getattr(each.plot, figure)(Figure().subplots()) for each in (found, results))
         assert mr.plots.drawn_data(shown).equals(mr.plots.drawn_data(expected))
-    assert found.warnings() == results.warnings()
-    fields = "building dampers facts choices damper_warnings detailed with_histories rows"
+    assert found.remarks == results.remarks
+    fields = "building dampers facts choices damper_remarks detailed with_histories rows"
     for name in fields.split():
         assert getattr(found, name) == getattr(results, name), name
     assert all(found.demands(*key) == results.demands(*key) for key in results.demanded)

@@ -53,13 +53,14 @@ def test_laws_and_command_at_every_level_are_those_of_a_study_of_the_design_leve
     assert judged_in_words(found) == "1 motion at 0.3 g"
     assert [found.score(row).mean for row in range(4)] == [one.score(row).mean for row in range(4)]
     assert found.record_levels.places.tolist() == [[0, 1, 2]]
-    assert not [each for each in found.warnings() if "rated to" not in each]
+    assert {each.code for each in found.remarks} <= {"demand_beyond_rating", "motions_few"}
 
 
 def test_a_study_of_several_levels_says_that_its_laws_are_of_all() -> None:
     several = at_levels()
     assert several.design_levels == LEVELS
-    assert "over 3 levels at once (0.1 g to 0.5 g)" in mr.run_study(several).warnings()[0]
+    first = mr.run_study(several).remarks[0]
+    assert (first.code, first.words) == ("design_levels_several", ("0.1 g", "0.5 g"))
     assert not at_levels(("0.3 g",)).design_levels
     refusal(at_levels, design_level="0.2 g", match="give one of 0.1 g")
 

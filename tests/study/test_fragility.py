@@ -100,9 +100,10 @@ def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_
     both = mr.study.fragilities_of(rows, [4.0, 8.0], 1.0, criterion="rms_drift")
     assert (both["law"].dispersion, both["law"].band) == (0.0, (4.0, 8.0))
     assert both.ratio("other", "law") == (1.0, (0.5, 2.0))
-    few, coarse = both.cautions
-    assert "in 75 % of cases at most, not in 90 %; give 5 or more" in few
-    assert coarse.startswith("law; other: one intensity separates all records")
+    few, coarse = both.remarks
+    assert few.code == "records_few"
+    assert "in 75 % of cases at most, not in 90 %; give 5 or more" in few.message
+    assert (coarse.code, coarse.words) == ("levels_coarse", ("law", "other"))
 
 
 def test_a_median_above_all_records_is_known_to_lie_above_what_was_simulated() -> None:
@@ -134,7 +135,7 @@ def test_a_likelihood_without_a_maximum_determines_no_median() -> None:
     assert set(found.ends[0][undetermined]) == {0.0}
     assert set(found.ends[1][undetermined]) == {math.inf}
     assert set(found.medians[~undetermined]) == {0.0, math.inf}
-    assert "not determined: give further levels" in found.cautions[0]
+    assert found.remarks[0].code == "median_unknown"
     assert math.isnan(all_found.ratio("b", "a")[0])
     assert np.isnan(all_found.to_xarray()["probability"].sel(row="a")).all()
 
@@ -192,7 +193,7 @@ def test_intensities_are_interpolated_between_levels() -> None:
     assert found["a"].median == pytest.approx(math.exp(np.log(reached).mean()))
     ratio, band = found.ratio("b", "a")
     np.testing.assert_allclose([ratio, *band], 1.0 / 0.96)
-    assert not found.cautions
+    assert not found.remarks
     # A draw of one record alone has its intensity.
     few = found_of(bare[[0, 2, 4]])["a"]
     np.testing.assert_allclose(few.band, [1.0 / 0.8, 1.0 / 0.45])

@@ -16,7 +16,7 @@ from mrwork.base.keys import keys_of
 from mrwork.control import control_laws
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.study import StudyResults
-from mrwork.study.comparison import findings
+from mrwork.study.comparison import results_in_words
 from mrwork.study.study import Study, fingerprint_of
 
 FRAME = """\
@@ -171,17 +171,17 @@ def test_a_passive_damper_has_no_command_to_choose(tmp_path: Path) -> None:
     results = ran(tmp_path, damper=fixed, count=1)
     assert [row.kind for row in results.rows] == ["uncontrolled", "passive_off"]
     assert results.choices == ()
-    assert any("of the peak base shear" in each for each in findings(results))
+    assert any("of the peak base shear" in each for each in results_in_words(results))
 
 
 @pytest.mark.parametrize("count", [10, 300])
 def test_the_share_of_the_base_shear_is_told_and_the_count_for_a_tenth(count: int, tmp_path: Path) -> None:
     results = ran(tmp_path, count=count)
-    (share,) = [each for each in findings(results) if "of the peak base shear" in each]
+    (share,) = [each for each in results_in_words(results) if "of the peak base shear" in each]
     force = max(float(results.quantities.peak_force[row, 0, 0].sum()) for row in (1, 2))
     shear = float(results.quantities.peak_base_shear[0, 0, 0])
     assert f"{100 * force / shear:.2g} % of the peak base shear" in share
-    weak = [each for each in results.warnings() if "hardly change the response" in each]
+    weak = [each.words[0] for each in results.remarks if each.code == "dampers_weak"]
     assert bool(weak) == (force / shear < 0.02)
     if weak:
         advised = int(weak[0].partition("count = ")[2].split()[0])
@@ -199,7 +199,7 @@ def test_dampers_are_small_where_the_largest_command_is_best_and_more_of_them_re
         best = results.row_of("best_passive")
         assert best is not None
         command = float(results.rows[best].label.split()[-2])
-        told = any("so the dampers are small" in each for each in results.warnings())
+        told = "largest_command_best" in [each.code for each in results.remarks]
         return results.score(best).mean / results.score(0).mean, command / 1.88, told
 
     few, of_few, told = found(300)
@@ -216,14 +216,14 @@ def test_dampers_are_small_where_the_largest_command_is_best_and_more_of_them_re
 def test_a_damper_that_locks_its_storey_is_told_with_a_smaller_count(tmp_path: Path) -> None:
     pair = f"{PLAIN}\ndifferential = true"
     locked = ran(tmp_path, count=1_000_000, damper=pair)
-    (warning,) = [each for each in locked.warnings() if "locks its storey" in each]
-    assert "already at i = 0" in warning
+    (found,) = [each for each in locked.remarks if each.code == "storey_locked"]
+    assert "already at i = 0" in found.message
     assert locked.quantities.peak_drift[1, 0, 0][0] < 0.05 * locked.quantities.peak_drift[0, 0, 0][0]
-    advised = int(warning.partition("count = ")[2].split()[0])
+    advised = int(found.words[1].partition("count = ")[2].split()[0])
     freed = ran(tmp_path, count=advised, damper=pair)
-    assert not any("locks its storey" in each or "hardly" in each for each in freed.warnings())
+    assert not {"storey_locked", "dampers_weak"} & {each.code for each in freed.remarks}
 
 
 def test_a_damper_of_a_storey_that_the_bare_building_lacks_may_lock_it() -> None:
     results = mr.run_study(mr.read_study("studies/chapter_2/mass_driver.toml"), threads=1)
-    assert any("locks its storey" in warning for warning in results.warnings())
+    assert "storey_locked" in [each.code for each in results.remarks]

@@ -11,6 +11,7 @@ import study_samples
 from study_samples import ranges
 
 import mrwork as mr
+from mrwork.base.remark import Measured, warnings_of
 from mrwork.dampers.tested_range import FittedDamper, OperatingRange, beyond_rating
 from mrwork.plots.of_studies import energy_parts
 from mrwork.study import StudyResults, read_study, run_study
@@ -57,7 +58,7 @@ def studied(folder: Path, tested: OperatingRange | None, text: str = STUDY) -> S
 
 def test_within_the_tested_ranges_nothing_is_said(tmp_path: Path) -> None:
     results = studied(tmp_path, ranges())
-    assert results.warnings() == []
+    assert warnings_of(results.remarks) == ()
     assert [each["outside_tested_range"] for each in study_document(results)["results"]] == [()] * 4
 
 
@@ -79,39 +80,43 @@ def test_demand_is_that_on_one_damper(tmp_path: Path) -> None:
 def test_a_sentence_for_each_quantity_names_the_worst_run(tmp_path: Path) -> None:
     velocity = studied(tmp_path, ranges()).quantities.peak_rate[1, 0, 0][0]
     results = studied(tmp_path, ranges(velocity=0.25 * velocity, command=(0.5, 1.5)))
-    first, second = results.warnings()
-    assert first.startswith(
-        f"velocity {1e3 * velocity:.3g} mm/s, tested to {250 * velocity:.3g} mm/s (4 times)"
+    first, second = results.damper_remarks
+    assert (first.code, first.words[1], first.measured) == (
+        "demand_beyond_tests",
+        "velocity",
+        Measured(velocity, "m/s"),
     )
-    assert first.endswith("with Passive-off; outside the tested range in 2 of 2 runs with dampers.")
-    assert second.startswith("command 0 A, tested from 0.5 to 1.5 A; the laws of c, k, alpha, delta, f0 are")
+    assert first.message.endswith("with Passive-off, in 2 of 2 runs with dampers")
+    assert second.message.startswith(
+        "command 0 A, tested from 0.5 to 1.5 A; the laws of c, k, alpha, delta, f0 are"
+    )
     document = study_document(results)
     outside = [each["outside_tested_range"] for each in document["results"]]
     assert outside == [(), ("velocity", "command"), ("velocity",), ()]
-    assert document["warnings"] == (first, second)
+    assert document["remarks"] == results.remarks
 
 
 def test_unknown_ranges_are_said_once_and_are_no_warning(tmp_path: Path) -> None:
     text = STUDY.replace('run = "run"', 'run = "run"\nlargest_command = 1.5')
     results = studied(tmp_path, None, text)
-    assert results.warnings() == []
+    assert warnings_of(results.remarks) == ()
     assert study_document(results)["results"][1]["outside_tested_range"] is None
     assert [fact for fact in results.facts if fact[0] == "Tested ranges"] == [("Tested ranges", "not known")]
 
 
 def test_strokes_below_the_tested_ones_are_named_for_every_run_with_dampers(tmp_path: Path) -> None:
     results = studied(tmp_path, ranges(least_stroke=0.1))
-    (warning,) = results.warnings()
-    assert warning.startswith("small half cycles, ")
-    assert " make 20 % of the travel or more, tested from 100 mm, so " in warning
-    assert warning.endswith("outside the tested range in 2 of 2 runs with dampers.")
+    (found_small,) = results.damper_remarks
+    assert found_small.words[1] == "stroke"
+    assert " make 20 % of the travel or more, tested from 100 mm, so " in found_small.message
+    assert found_small.message.endswith("in 2 of 2 runs with dampers")
     # The uncontrolled building and that with actuators demand nothing.
     assert np.isnan(results.quantities.least_stroke[:, 0, 0, 0]).tolist() == [True, False, False, True]
     found = results.demands(2, 0)[0].demand.least_stroke
     assert found is not None
     assert 0.0 < found < results.quantities.peak_stroke[2, 0, 0][0]
     # A damper that was tested at strokes as small is within its range.
-    assert studied(tmp_path, ranges(least_stroke=0.9 * found)).warnings() == []
+    assert studied(tmp_path, ranges(least_stroke=0.9 * found)).damper_remarks == ()
 
 
 def test_histories_for_the_least_stroke_change_no_bit_of_the_other_results(tmp_path: Path) -> None:
@@ -123,7 +128,12 @@ def test_histories_for_the_least_stroke_change_no_bit_of_the_other_results(tmp_p
 def test_a_law_that_turns_negative_at_a_demanded_command_is_a_warning(tmp_path: Path) -> None:
     text = STUDY.replace('run = "run"', 'run = "run"\nparameters = { alpha = [-100, 900] }')
     results = studied(tmp_path, ranges(), text)
-    assert results.warnings() == ["the law of alpha turns negative: -100 N at 0 A, taken as 0.001 N."]
+    (found,) = results.damper_remarks
+    assert (found.code, found.words, found.measured) == (
+        "law_inadmissible",
+        ("alpha",),
+        Measured(-100.0, "N"),
+    )
 
 
 def device_with(**tested: float) -> mr.Device:
@@ -145,17 +155,18 @@ def test_the_simulation_in_python_says_the_same() -> None:
         ("velocity",),
         ("velocity", "command"),
     ]
-    velocity, command = responses.warnings()
-    assert velocity.startswith(f"pair: velocity {1e3 * responses.peak_rate.max():.3g} mm/s, tested to 1 mm/s")
-    assert command.startswith("pair: command 1.88 A, tested from 0 to 1.5 A (1.3 times)")
+    velocity, command = responses.remarks
+    assert velocity.words == ("pair", "velocity")
+    assert velocity.measured == Measured(responses.peak_rate.max(), "m/s")
+    assert (command.words, command.measured) == (("pair", "command"), Measured(1.88, "A"))
 
 
 def test_the_simulation_in_python_knows_small_strokes_from_its_histories() -> None:
     device, law = device_with(least_stroke=0.1), mr.ControlLaw(name="passive", gains={"command": [[1.0]]})
     without = mr.simulate_loop(mr.building("uts"), [device], law, [SINE])
-    assert (without.demand(0, 0).least_stroke, without.warnings()) == (None, [])
-    (warning,) = mr.simulate_loop(mr.building("uts"), [device], law, [SINE], histories=True).warnings()
-    assert "tested from 100 mm" in warning
+    assert (without.demand(0, 0).least_stroke, without.remarks) == (None, ())
+    (found,) = mr.simulate_loop(mr.building("uts"), [device], law, [SINE], histories=True).remarks
+    assert found.words == ("pair", "stroke")
 
 
 def test_a_run_that_did_not_finish_demands_nothing() -> None:
@@ -197,10 +208,9 @@ def results() -> StudyResults:
 
 
 def test_a_run_beyond_a_rating_is_told_and_stored(results: StudyResults) -> None:
-    said = [each for each in results.warnings() if "rated" in each]
-    assert len(said) == 1
-    assert f"rated to {RATED:g} N" in said[0]
-    assert "beyond the rating in 1 of 1 runs" in said[0]
+    (said,) = [each for each in results.remarks if each.code == "demand_beyond_rating"]
+    assert f"rated to {RATED:g} N" in said.message
+    assert "in 1 of 1 runs" in said.message
     row = results.row_of("passive_off")
     assert row is not None
     (first, second) = results.demands(row, 0)
@@ -288,6 +298,5 @@ def test_a_linear_damper_leaves_a_linear_building() -> None:
 @pytest.mark.parametrize(("largest", "told"), [("3 A", True), ("1.5 A", False)])
 def test_a_command_beyond_that_of_the_published_set_is_told(tmp_path: Path, largest: str, told: bool) -> None:
     text = STUDY.replace('run = "run"', f'preset = "kwok2006"\nlargest_command = "{largest}"')
-    said = [each for each in studied(tmp_path, None, text).warnings() if each.startswith("command ")]
-    assert bool(said) is told
-    assert all("rated from 0 to 1.88 A (1.6 times)" in each for each in said)
+    said = [each for each in studied(tmp_path, None, text).damper_remarks if "command" in each.words]
+    assert [each.code for each in said] == ["demand_beyond_rating"] * told

@@ -24,7 +24,7 @@ from mrwork.dampers.spec import with_changed_laws
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectral_density import mean_square_of, strong_part
-from mrwork.study.comparison import findings
+from mrwork.study.comparison import results_in_words
 from mrwork.tuning.space import space_of
 
 FIRM = "ground_frequency = 15, ground_damping = 0.6, intensity = 0.01"
@@ -219,10 +219,12 @@ def test_a_law_that_is_a_passive_damper_in_effect_is_said_to_be_one(tmp_path: Pa
     """Without a command, with the largest one throughout by a law in Python that knows no sensor, or neither."""
     (tmp_path / "law.py").write_text("def on(sample, memory):\n    return [1.88]\n")
     on = "[[controller]]\nuser = { file = 'law.py', function = 'on' }"
-    found = findings(mr.run_study(read(tmp_path, f"drifts = 1\ncontrol_weight = 1\n{on}"), threads=1))
+    found = results_in_words(mr.run_study(read(tmp_path, f"drifts = 1\ncontrol_weight = 1\n{on}"), threads=1))
     assert any("Clipped-optimal under every motion: idle: sends no command" in each for each in found)
     assert any(each.startswith("on under every motion: coincides with passive-on") for each in found)
-    found = findings(mr.run_study(read(tmp_path, "gain = [[0, 0, 0, 0, 0, 1e12, 0, 0, 0, 0]]"), threads=1))
+    found = results_in_words(
+        mr.run_study(read(tmp_path, "gain = [[0, 0, 0, 0, 0, 1e12, 0, 0, 0, 0]]"), threads=1)
+    )
     assert not any("in effect" in each for each in found)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrwork.base.remark import warnings_of
 from mrwork.dampers.simulation import Outcome
 from mrwork.study import StudyResults, read_study, run_study
 
@@ -63,7 +64,7 @@ def test_every_run_of_forty_storeys_ends_and_its_energies_add_up(results: StudyR
     assert (runs.outcome == Outcome.FINISHED).all()
     assert runs.peak_drift.shape == runs.peak_acceleration.shape == (*runs.shape, N)
     assert (runs.energy_error < 1e-6).all()
-    assert results.warnings() == []
+    assert warnings_of(results.remarks) == ()
 
 
 def test_two_dampers_behind_an_observer_take_up_energy_and_lower_the_drift(results: StudyResults) -> None:

@@ -13,6 +13,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork import buildings
+from mrwork.base.remark import Measured
 from mrwork.study.reading import read_bare_building
 from tools.faults.planted import sweep
 from tools.faults.planted_studies import FAULTS, honest
@@ -39,7 +40,7 @@ def study(tmp_path: Path, building: str, more: str = "") -> mr.Study:
 
 
 def test_rotations_with_their_influence_are_silent(tmp_path: Path) -> None:
-    assert study(tmp_path, BEAM + NAMED).warnings == ()
+    assert study(tmp_path, BEAM + NAMED).remarks == ()
 
 
 def condensed(n: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -55,14 +56,14 @@ def test_a_condensed_frame_with_negative_forces_of_the_ground_is_silent(tmp_path
     stiffness = condensed(n)
     assert (stiffness @ np.ones(n)).min() < 0.0
     given = f"mass = {(2e4 * np.eye(n)).tolist()}\nstiffness = {((stiffness + stiffness.T) / 2).tolist()}\n"
-    assert study(tmp_path, f"{given}modal_damping = {{ ratios = [0.02] }}").warnings == ()
+    assert study(tmp_path, f"{given}modal_damping = {{ ratios = [0.02] }}").remarks == ()
 
 
 def test_ordinary_isolation_is_silent(tmp_path: Path) -> None:
     one = "n_storeys = 1\nmasses = [2e5]\nstiffnesses = [1.5e8]\nmodal_damping = { ratios = [0.02] }\n"
     for period in (1.5, 3.0, 5.0):
         isolated = f'{one}isolation = {{ mass = "150 t", period = {period}, ratio = "15 %" }}\n'
-        assert study(tmp_path, isolated).warnings == ()
+        assert study(tmp_path, isolated).remarks == ()
 
 
 @pytest.mark.parametrize("key", ["viscous", "yielding", "friction", "tuned_mass"])
@@ -105,15 +106,16 @@ def test_a_baseline_without_p_delta_has_none(tmp_path: Path) -> None:
 
 
 def test_a_baseline_that_changes_nothing_is_told(tmp_path: Path) -> None:
-    (said,) = study(tmp_path, FRAME, '[[baseline]]\nlabel = "same"\nbuilding = { viscous = [] }\n').warnings
-    assert said.startswith("same is the building itself")
+    (said,) = study(tmp_path, FRAME, '[[baseline]]\nlabel = "same"\nbuilding = { viscous = [] }\n').remarks
+    assert (said.code, said.words) == ("baseline_same", ("same",))
 
 
 def test_a_stated_unit_is_trusted_ten_times_more(tmp_path: Path) -> None:
-    (said,) = study(tmp_path, FRAME, "pga = 0.3\n").warnings
-    assert 'write "0.3 g" if that is meant' in said
-    assert study(tmp_path, FRAME, 'pga = "0.3 m/s2"\n').warnings == ()
-    assert study(tmp_path, FRAME, 'pga = ["0.01 g", "0.3 g"]\n').warnings == ()
+    (said,) = study(tmp_path, FRAME, "pga = 0.3\n").remarks
+    assert (said.code, said.words[1], said.measured) == ("number_unusual", "pga", Measured(0.3, "m/s2"))
+    assert 'write "0.3 g" if that is meant' in said.message
+    assert study(tmp_path, FRAME, 'pga = "0.3 m/s2"\n').remarks == ()
+    assert study(tmp_path, FRAME, 'pga = ["0.01 g", "0.3 g"]\n').remarks == ()
 
 
 def test_two_dozen_planted_faults_are_told_and_honest_studies_are_silent() -> None:
@@ -128,18 +130,18 @@ def test_two_dozen_planted_faults_are_told_and_honest_studies_are_silent() -> No
     ids=str,
 )
 def test_buildings_of_every_study_are_silent(path: Path) -> None:
-    assert read_bare_building(path).warnings == ()
+    assert read_bare_building(path).remarks == ()
 
 
 @pytest.mark.parametrize("name", [each.name for each in buildings.buildings()])
 def test_published_buildings_are_silent(name: str) -> None:
-    assert mr.building(name).warnings == ()
+    assert mr.building(name).remarks == ()
 
 
 # Damping
 
 
-UNDAMPED = "frame: 2 of 2 modes have no damping. Every damper looks better on a frame without damping"
+UNDAMPED = "frame: 2 of 2 modes have no damping; every damper looks better on a frame without damping"
 BARE = 'name = "frame"\nmasses = [300.0, 300.0]\nstiffnesses = [4e5, 4e5]'
 
 
@@ -152,16 +154,17 @@ def test_respond_says_it_once_on_the_terminal_in_json_and_in_python(tmp_path: Pa
     path, out = undamped(tmp_path), tmp_path / "run"
     ended = mrwork("respond", path, "--out", out, "--quiet")
     assert " ".join((ended.stdout + ended.stderr).split()).count(UNDAMPED) == 1
-    assert sum(UNDAMPED in each for each in mr.study.read_results(out).warnings()) == 1
+    told = [remark.code for remark in mr.study.read_results(out).remarks]
+    assert told.count("modes_undamped") == 1
     ended = mrwork("respond", path, "--out", out, "--quiet", "--json")
-    assert sum(UNDAMPED in each for each in json.loads(ended.stdout)["warnings"]) == 1
+    assert [remark["code"] for remark in json.loads(ended.stdout)["remarks"]] == told
 
 
 def test_an_undamped_baseline_is_said_where_the_building_is_damped(tmp_path: Path) -> None:
     other = '[[baseline]]\nlabel = "b"\nbuilding = { modal_damping = { ratios = [0.0] }, name = "another" }\n'
     for damping, name in (("modal_damping = { ratios = [0.01] }", "another"), ("", "frame")):
-        said = study(tmp_path, f"{BARE}\n{damping}", other).warnings[0]
-        assert said.startswith(f"{name}: 2 of 2 modes have no damping. ")
+        said = study(tmp_path, f"{BARE}\n{damping}", other).remarks[0]
+        assert (said.code, said.words) == ("modes_undamped", (name,))
 
 
 def test_a_study_whose_building_has_negative_damping_ends_with_its_line(tmp_path: Path) -> None:

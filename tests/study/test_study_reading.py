@@ -11,6 +11,7 @@ from refusals import refusal
 from sentences import Refused
 
 from mrwork import Journal
+from mrwork.base.remark import warnings_of
 from mrwork.buildings import building
 from mrwork.dampers import DamperSpec
 from mrwork.errors import RecordError
@@ -226,7 +227,7 @@ def test_the_first_study_runs_without_a_warning_and_its_law_is_worth_it(tmp_path
     )
     journal.close()
     assert results.complete
-    assert results.warnings() == []
+    assert warnings_of(results.remarks) == ()
     # The law named alone, the best constant command, i = 0, no dampers.
     law, constant, off, none = (results.score(row).mean for row in (4, 2, 1, 0))
     assert law < constant < off < none

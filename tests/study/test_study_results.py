@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import study_samples
 
+from mrwork.base.remark import Measured
 from mrwork.base.units import unit_of
 from mrwork.closed_loop import criteria
 from mrwork.closed_loop.evaluation import Spread
@@ -105,8 +106,8 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
     assert results.criteria(4, 0) is None
     assert math.isnan(results.score(4).mean)
     assert all(math.isnan(value) for value in results.ratios(4, 0, "passive_off").values())
-    (said,) = (warning for warning in results.warnings() if "El Centro" in warning)
-    assert Outcome.DIVERGED.remedy in said
+    (said,) = (each for each in results.remarks if each.code == "run_unfinished")
+    assert "El Centro" in said.message
 
 
 def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
@@ -142,22 +143,21 @@ def test_a_study_is_complete_when_its_check_is() -> None:
 
 def test_energies_that_do_not_balance_are_said_once_with_the_worst_run_and_the_rows() -> None:
     results = study_samples.results()
-    (warning,) = results.warnings()
-    assert warning.startswith("the energies of 1 run do not balance")
-    assert (
-        "by up to 3.0e-04, Clipped-optimal under filtered noise; runs of Clipped-optimal: a law chatters"
-        in warning
-    )
-    (several,) = study_samples.changed(results, 2, 0, energy_error=1e-4).warnings()
-    assert several.startswith("the energies of 2 runs do not balance")
-    assert "Clipped-optimal under filtered noise; runs of Isolation, Clipped-optimal: " in several
+    found = results.remarks[0]
+    assert (found.code, found.measured) == ("energies_unbalanced", Measured(pytest.approx(3e-4), ""))
+    assert found.words == ("Clipped-optimal", "filtered noise")
+    several = study_samples.changed(results, 2, 0, energy_error=1e-4).remarks[0]
+    assert (several.code, several.words) == (found.code, found.words)
+    assert "2 runs" in several.message
+    assert "runs of Isolation, Clipped-optimal: " in several.message
 
 
 def test_a_balance_that_is_no_number_does_not_hold() -> None:
     results = study_samples.results()
     unbalanced = study_samples.changed(results, 2, 0, energy_error=math.nan)
-    (warning,) = unbalanced.warnings()
-    assert "by up to inf, Isolation under" in warning
+    found = unbalanced.remarks[0]
+    assert found.measured == Measured(math.inf, "")
+    assert found.words[0] == "Isolation"
 
 
 def test_groups_hold_some_of_the_test_motions_and_training_motions_stand_apart() -> None:
@@ -226,7 +226,7 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     assert repr([stored.score(row).mean for row in range(5)]) == repr(
         [results.score(row).mean for row in range(5)]
     )
-    assert stored.warnings() == results.warnings()
+    assert stored.remarks == results.remarks
     assert largest_step_changes(stored) == largest_step_changes(results)
     assert (stored.done, stored.total, stored.complete) == (results.done, results.total, True)
     assert stored.finished_rows(0) == results.finished_rows(0) == [0, 1, 2, 3]

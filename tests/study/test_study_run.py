@@ -19,11 +19,13 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork import Journal
+from mrwork.base.remark import warnings_of
 from mrwork.errors import Interrupted
 from mrwork.plots.of_studies import energy_parts
 from mrwork.study import Study, StudyResults, read_study, run_study
-from mrwork.study.comparison import findings
+from mrwork.study.comparison import results_in_words
 from mrwork.study.histories import RunHistory
+from mrwork.study.storeys import storey_remarks
 
 # Two motions, four arrangements.
 STUDY = """\
@@ -264,8 +266,8 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: P
         assert entry["step_check"]["largest"] is None
     assert document["scores"]["stiff"] is None
     assert len(list((out / "histories").iterdir())) == 4
-    (said,) = [each for each in document["warnings"] if "stiff" in each]
-    assert "stiff under 2 of 2 motions, as noise, 0.051 g, diverged" in said
+    (said,) = [each["message"] for each in document["remarks"] if each["code"] == "run_unfinished"]
+    assert "stiff under 2 of 2 motions, as noise, 0.051 g diverged" in said
     assert "lower the gains of the control law" in said
 
 
@@ -361,23 +363,23 @@ def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps
         assert dampers + structure + moving == pytest.approx(run["input_energy"])
         assert dampers == np.nansum(run["device_energy"])
         assert structure > run["storey_energy"].sum() > 0.0
-    (said,) = [each for each in findings(results) if "drift limit" in each]
+    (said,) = [each for each in results_in_words(results) if "drift limit" in each]
     assert said.startswith("The drift limit of 0.01 % is ")
-    assert any("still moves at the end of 2 of 2 motions" in each for each in findings(results))
+    assert "rest_short" in [each.code for each in results.remarks]
     runs = results.quantities
     still = replace(runs, numbers={**runs.numbers, "kinetic_energy": np.zeros(runs.shape)})
-    assert not any("still moves" in each for each in findings(replace(results, quantities=still)))
+    assert "rest_short" not in [each.code for each in storey_remarks(replace(results, quantities=still))]
     # A run that diverges exceeds the limit, as a frame that collapses.
     results = study_samples.diverged(results, 0, 0)
-    (said,) = [each for each in findings(results) if "drift limit" in each]
+    (said,) = [each for each in results_in_words(results) if "drift limit" in each]
     assert f"{results.rows[0].label} under 2 of {len(results.motions)}, 1 of which diverged" in said
-    assert any(f"{results.motions[0].name} diverged, as a frame does" in each for each in results.warnings())
+    assert "as a frame does that collapses" in " ".join(warnings_of(results.remarks))
     pushed = json.loads(printed("respond", path, "--pushover", "--json"))
     assert pushed["roof"][-1] == pytest.approx(0.04 * 6.0)
     path.write_text(
         path.read_text(encoding="utf-8").replace("pga = [0.5, 1.0]", "pga = 80"), encoding="utf-8"
     )
-    fallen = findings(run_study(read_study(path), threads=1))
-    assert any("above 10 % a real frame has collapsed" in each for each in fallen)
+    fallen = run_study(read_study(path), threads=1).remarks
+    assert "drift_beyond_collapse" in [each.code for each in fallen]
     path.write_text(text.replace("height = 3\n", ""), encoding="utf-8")
     refusal(read_study, path, match="drift_limit stands on heights")

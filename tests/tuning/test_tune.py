@@ -19,7 +19,7 @@ from mrwork.study.results import bands_over
 from mrwork.study.run import unrun
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
-from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, with_tuned_rows, with_tuning
+from mrwork.tuning.judging import TunedStudy, judge, with_tuned_rows, with_tuning
 from mrwork.tuning.law_plan import Bench
 from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.run import plan_of
@@ -41,6 +41,19 @@ def judged(study: mr.Study, results: TuningResults) -> TunedStudy:
     return judge(study, results, threads=1)
 
 
+def test_a_largest_command_that_is_the_best_constant_one_is_told_once(
+    results: TuningResults, judged: TunedStudy
+) -> None:
+    largest = next(each for each in results.references if each.kind == "passive")
+    best = (
+        replace(each, settings=largest.settings) if each.kind == "best_passive" else each
+        for each in results.references
+    )
+    small = replace(results, references=tuple(best))
+    for found in (small.remarks, replace(judged, tuned=small).remarks):
+        assert [each.code for each in found].count("largest_command_best") == 1
+
+
 def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
     results: TuningResults,
 ) -> None:
@@ -56,7 +69,7 @@ def test_the_study_finds_the_objective_again_and_judges_on_motions_that_the_tuni
     assert results.training == ("A",)
     assert [judged.motions[each].name for each in judged.judged_motions] == ["B", "C"]
     assert judged.held_out
-    assert TRAINING_ONLY not in judged.warnings()
+    assert "motions_not_held_out" not in [each.code for each in judged.remarks]
     wider = with_tuned_rows(study, results)
     assert with_tuned_rows(wider, results).arrangements == wider.arrangements
     for law in (*results.laws, *results.references):
@@ -253,7 +266,7 @@ def test_realisations_belong_to_a_robust_objective() -> None:
     assert train.objective == pytest.approx(law.least, rel=1e-12)
     # Without other motions nothing is judged.
     assert judged.judgement(law, "test") is None
-    assert TRAINING_ONLY in judged.warnings()
+    assert "motions_not_held_out" in [each.code for each in judged.remarks]
 
 
 @pytest.mark.parametrize(

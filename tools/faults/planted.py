@@ -24,11 +24,12 @@ Said = Callable[[Rng, Path], str]
 
 
 def said_by(read: Callable[..., Any], *arguments: object) -> str:
-    """The refusal or the warnings of a reader, those of what it returns included."""
+    """The refusal or the warnings of a reader, with the remarks of what it returns."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            return " ".join((*read(*arguments).warnings, *(str(each.message) for each in caught)))
+            found = (remark.message for remark in read(*arguments).remarks)
+            return " ".join((*found, *(str(each.message) for each in caught)))
         except MrworkError as error:
             return str(error)
 

@@ -31,7 +31,7 @@ from mrwork.base.keys import (
     suggestion,
 )
 from mrwork.base.places import Place, all_mistakes, read_each
-from mrwork.base.units import question_on
+from mrwork.base.units import unusual_number
 from mrwork.errors import SettingError
 
 T = TypeVar("T")
@@ -70,7 +70,7 @@ def given_values(
                     where = place.within(name)
                     value = _read_value(declared[name], table[name], where, entry)
                     values[name if isinstance(kind, tuple) else entry.name] = value
-                    _ask(value, table[name], where, entry)
+                    _note_unusual(value, table[name], where, entry)
                 elif complete and entry.is_required and name not in misspelt:
                     refuse_missing(entry, place)
         for name, near in unknown.items():
@@ -86,8 +86,8 @@ def given_values(
     return values
 
 
-def _ask(read: Any, value: Any, place: Place, entry: Key) -> None:
-    """Keep a question on an unusual number of a key, or on the largest one of an array."""
+def _note_unusual(read: Any, value: Any, place: Place, entry: Key) -> None:
+    """Keep a remark on an unusual number of a key, or on the largest one of an array."""
     if not (usual := entry.says.usual):
         return
     numbers = [entry for entry in (read if isinstance(read, tuple) else (read,)) if isinstance(entry, float)]
@@ -95,10 +95,9 @@ def _ask(read: Any, value: Any, place: Place, entry: Key) -> None:
     stated = any(isinstance(item, str) for item in (value if isinstance(value, list) else (value,)))
     # A number whose unit is stated has room.
     room, unit = 10.0 if stated else 1.0, entry.says.unit or "1"
-    if 0.0 < largest < math.inf and (
-        question := question_on(str(place.path[-1]), largest, usual, unit, room=room)
-    ):
-        place.questions.append(f"{place}: {question}.")
+    if 0.0 < largest < math.inf:
+        name = str(place.path[-1])
+        place.remarks.extend(unusual_number(name, largest, usual, unit, where=f"{place}: ", room=room))
 
 
 @cache

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn, TypeVar
 
+from mrwork.base.remark import Remark
 from mrwork.errors import InvalidSettingError, MistakesError, MrworkError, SettingError
 
 # What sentences call a table of a file: [[damper]], [controller.settings].
@@ -72,7 +73,7 @@ class Place:
 
     With `lines`, by path, a place reads "study.toml, line 12"; without them "frame.toml, rayleigh.ratios". `title`
     names the document. For a call, `arguments` are its arguments by the keys of a file: a place reads "study_of,
-    dampers[0].storey", and sentences name `dampers` for [[damper]]. `questions` ask about unusual numbers. `on_table`
+    dampers[0].storey", and sentences name `dampers` for [[damper]]. `remarks` are on unusual numbers. `on_table`
     looks up what a table names as soon as it is read. Without an origin errors have the path alone, see `keyed`.
     """
 
@@ -81,7 +82,7 @@ class Place:
     lines: dict[KeyPath, int] = field(default_factory=dict)
     title: str = "the study"
     arguments: Mapping[str, str] = field(default_factory=dict, repr=False)
-    questions: list[str] = field(default_factory=list, repr=False, compare=False)
+    remarks: list[Remark] = field(default_factory=list, repr=False, compare=False)
     on_table: Callable[[Place, Any], None] | None = field(default=None, repr=False, compare=False)
 
     def within(self, *keys: str | int) -> Place:

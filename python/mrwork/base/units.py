@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal, get_args
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.errors import UnitError
 
 STANDARD_GRAVITY: Final = 9.80665
@@ -265,24 +266,36 @@ def _readable(unit: str) -> list[str]:
     return list(dict.fromkeys([*usual, *alike, *weights]))
 
 
-def question_on(
-    name: str, value: float, usual: tuple[float, float], unit: str = "1", *, room: float = 1.0
-) -> str:
-    """Question on a number in SI outside of what is usual, with the unit in which it would be; empty for one within.
+_UNUSUAL: Final = RemarkKind(
+    "number_unusual", "{0}{1} is {value:.4g}{unit}, and {least:g} to {most:g}{unit} is usual", "{cure}"
+)
+
+
+def unusual_number(
+    name: str,
+    value: float,
+    usual: tuple[float, float],
+    unit: str = "1",
+    *,
+    where: str = "",
+    room: float = 1.0,
+) -> Iterator[Remark]:
+    """Warn of a number in SI outside of what is usual, with the unit in which it would be within.
 
     `room` is a factor by which the number may be beyond the usual, as one whose unit is stated.
     """
     least, most = usual
     if least / room <= value <= most * room:
-        return ""
+        return
     symbol = unit.split(" or ")[0]
     units = next((group for group in _EVERY if symbol in group), {})
     meant = [other for other, factor in units.items() if least <= value * factor <= most]
     # Thousandfold units first, as mm for m.
     meant.sort(key=lambda other: round(math.log10(units[other])) % 3 != 0)
     shown = "" if symbol in ("", "1") else f" {symbol}"
-    advice = f'write "{value:g} {meant[0]}" if that is meant' if meant else "check it and its unit"
-    return f"{name} is {value:.4g}{shown}, and {least:g} to {most:g}{shown} is usual; {advice}"
+    cure = f'write "{value:g} {meant[0]}" if that is meant' if meant else "check it and its unit"
+    measured = Measured(value, symbol)
+    yield _UNUSUAL.remark(where, name, measured=measured, unit=shown, least=least, most=most, cure=cure)
 
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:

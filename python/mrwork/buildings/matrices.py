@@ -15,14 +15,15 @@ from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
-from mrwork.base.units import STANDARD_GRAVITY, question_on
+from mrwork.base.units import STANDARD_GRAVITY, unusual_number
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
 from mrwork.buildings.modes import (
     OF_ADDITIONS,
     apart_of,
-    damping_warnings,
+    damping_remarks,
     growing_modes,
     is_positive,
     modes_of,
@@ -390,21 +391,21 @@ class Building(Plotted, Summarised):
         return self._modal().damping_ratio
 
     @property
-    def damping_warnings(self) -> tuple[str, ...]:
-        """Sentences on modes without damping or without stiffness, on which dampers look better than they are.
+    def damping_remarks(self) -> tuple[Remark, ...]:
+        """On modes without damping or without stiffness, on which dampers look better than they are.
 
         Where all modes are damped and stiff, this takes one or two matrix factorisations. Passive elements do not
         count, as in all modes.
         """
-        return damping_warnings(self.name, self.check().mass, self.damping, self.stiffness, self.floors)
+        matrices = self.check().mass, self.damping, self.stiffness, self.floors
+        return tuple(damping_remarks(self.name, *matrices))
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """`damping_warnings`, and what a colleague would ask about modes, coordinates, damping and strength."""
-        if len(self.mass) > _MOST_QUESTIONED or not self.total_mass > 0.0:
-            return self.damping_warnings
-        questions = (*_ask_of_modes(self), *_ask_of_coordinates(self), *_ask_of_storeys(self))
-        return (*self.damping_warnings, *(f"{self.name}: {question}" for question in questions))
+    def remarks(self) -> tuple[Remark, ...]:
+        """`damping_remarks`, and what a colleague would ask about modes, coordinates, damping and strength."""
+        is_asked = len(self.mass) <= _MOST_QUESTIONED and self.total_mass > 0.0
+        asks = (_mode_remarks, _coordinate_remarks, _storey_remarks) if is_asked else ()
+        return (*self.damping_remarks, *(remark for ask in asks for remark in ask(self)))
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -485,8 +486,8 @@ class Building(Plotted, Summarised):
             notes=(
                 "damping: diagonal of the modal damping over 2 omega, without coupling; participation: of shapes that "
                 "are 1 at the highest floor; mass: effective modal mass over the mass of the building",
-                *(f"warning: {warning}" for warning in self.warnings),
             ),
+            remarks=self.remarks,
         )
 
 
@@ -621,8 +622,31 @@ def _check_motion(building: Building) -> None:
         )
 
 
-def _ask_of_modes(building: Building) -> Iterator[str]:
-    """Questions on periods, on a part that is softer than its frame, on stiff coordinates without mass, on damping."""
+_PERIOD: Final = RemarkKind(
+    "period_unusual",
+    "{0}: the {1} period is {value:.3g} s for {storeys}, and frames have about 0.1 s a storey",
+    "masses are in kg, stiffnesses in N/m: check whether one is off by a thousand",
+)
+_SOFT_PART: Final = RemarkKind(
+    "part_soft",
+    "{0}: mode 1 moves {first:.0f} % of the mass and mode {main} {most:.0f} %; a part is softer than the frame",
+    "check its stiffness",
+)
+_MODE_DAMPING: Final = RemarkKind(
+    "mode_overdamped",
+    "{0}: mode {mode} at {frequency:.4g} Hz has {percent:.3g} % of critical damping",
+    "check damping in N s/m and ratios as shares, or give modal_damping",
+)
+_STIFF_MODE: Final = RemarkKind(
+    "mode_stiff",
+    "{0}: mode {mode} at {frequency:.4g} Hz has {percent:.3g} % of critical damping; it moves {share:.1g} of the mass, "
+    "by coordinate {part}, {mass:g} kg",
+    "condense this coordinate out of the matrices, or damp its mode by modal_damping",
+)
+
+
+def _mode_remarks(building: Building) -> Iterator[Remark]:
+    """Remarks on periods, on a part that is softer than its frame, on stiff coordinates without mass, on damping."""
     omega, modes = building._shapes(None)
     modal, storeys = building._modal(), len(building.drifts) or 1
     shares, frequency = modal.effective_masses / building.total_mass, omega / (2.0 * np.pi)
@@ -633,15 +657,12 @@ def _ask_of_modes(building: Building) -> Iterator[str]:
     period = float(modal.period[mode])
     longest = _ISOLATED if isolated else _LONGEST[0] + _LONGEST[1] * storeys
     if np.isfinite(period) and not _SHORTEST * storeys <= period <= longest:
-        yield (
-            f"the {('first', 'second')[mode]} period is {period:.3g} s for {counted(storeys, 'storey')}; frames have "
-            "about 0.1 s a storey. Masses are in kg, stiffnesses in N/m: check whether one is off by a thousand."
-        )
+        words, measured = (building.name, ("first", "second")[mode]), Measured(period, "s")
+        yield _PERIOD.remark(*words, measured=measured, storeys=counted(storeys, "storey"))
     most, apart = int(shares.argmax()), apart_of(modes, building.mass, building.floors) >= OF_ADDITIONS
     if not apart[0] and shares[0] < _SMALL_PART and shares[most] > 2.0 * shares[0]:
-        yield (
-            f"mode 1 moves {100.0 * shares[0]:.0f} % of the mass and mode {most + 1} "
-            f"{100.0 * shares[most]:.0f} %; a part by itself is softer than the frame, check its stiffness."
+        yield _SOFT_PART.remark(
+            building.name, first=100.0 * shares[0], main=most + 1, most=100.0 * shares[most]
         )
     dashpots = (
         element.damping * (element.row @ modes) ** 2
@@ -655,18 +676,27 @@ def _ask_of_modes(building: Building) -> Iterator[str]:
     damped = seen & (ratios > np.where(np.arange(len(omega)) == most, _OVERDAMPED, 1.0))
     for number in np.flatnonzero(stiff if stiff.any() else damped)[-1:]:
         part = int((np.abs(modes[:, number]) * np.sqrt(np.diag(building.mass))).argmax())
-        of_part = f"moves {shares[number]:.1g} of the mass, by coordinate {part + 1}, {building.mass[part, part]:g} kg"
-        advice = "check damping in N s/m and ratios as shares, or give modal_damping"
-        if stiff.any():
-            advice = f"it {of_part}; condense this coordinate out of the matrices, or damp its mode by modal_damping"
-        yield (
-            f"mode {number + 1} at {frequency[number]:.4g} Hz has {100.0 * ratios[number]:.3g} % of critical damping; "
-            f"{advice}."
+        yield (_STIFF_MODE if stiff.any() else _MODE_DAMPING).remark(
+            building.name,
+            measured=Measured(float(ratios[number]), ""),
+            mode=number + 1,
+            frequency=frequency[number],
+            percent=100.0 * ratios[number],
+            share=shares[number],
+            part=part + 1,
+            mass=building.mass[part, part],
         )
 
 
-def _ask_of_coordinates(building: Building) -> Iterator[str]:
-    """Ask about coordinates that the influence says the ground moves, but whose stiffness shows no displacements.
+_ROTATION: Final = RemarkKind(
+    "coordinate_no_displacement",
+    "{0}: by its stiffness coordinate {coordinate} is no displacement of a floor, and the ground moves it as one",
+    "give influence, 0 of a rotation, and the rows floors and storeys of those that there are, in [building]",
+)
+
+
+def _coordinate_remarks(building: Building) -> Iterator[Remark]:
+    """Warn of coordinates that the influence says the ground moves, but whose stiffness shows no displacements.
 
     Springs between displacements have negative entries beside the diagonal, and condensed frames positive ones between
     every second floor. Rotations have positive ones between neighbours, and without their own influence K r there.
@@ -685,14 +715,23 @@ def _ask_of_coordinates(building: Building) -> Iterator[str]:
     wrong |= coupled & (light[:, None] | light)
     if wrong.any() or (light & (held < 0.0)).any():
         first = int(follows[(light if light.any() else wrong.any(axis=1)).argmax()])
-        yield (
-            f"by its stiffness coordinate {first + 1} is no displacement of a floor, and the ground moves it as one; "
-            "give influence, 0 of a rotation, and the rows floors and storeys of those that there are, in [building]."
-        )
+        yield _ROTATION.remark(building.name, coordinate=first + 1)
 
 
-def _ask_of_storeys(building: Building) -> Iterator[str]:
-    """Questions on heights, drifts, strengths and passive devices, beside weight and modes."""
+_STOREY_STIFF: Final = RemarkKind(
+    "storey_stiff",
+    "{0}: {1} has {value:.3g} N/m, and half of the storeys {ordinary:.3g} N/m or less",
+    "check whether one is off by a thousand",
+)
+_FLOORS_LIGHT: Final = RemarkKind(
+    "floors_light",
+    "{0}: its heaviest floor has {value:.3g} kg, and its storeys are {height:g} m high",
+    "masses are in kg, stiffnesses in N/m and forces in N: check whether all are off by a thousand",
+)
+
+
+def _storey_remarks(building: Building) -> Iterator[Remark]:
+    """Remarks on heights, drifts, strengths and passive devices, beside weight and modes."""
     heights, weight = building.drift_heights, building.total_mass * STANDARD_GRAVITY
     real, drifts = heights[heights > 0.0], building.yield_drifts[: len(building.drifts)]
     numbers = [("the height of a storey", height, (0.05, 25.0), "m") for height in (*real[:1], *real[-1:])]
@@ -716,21 +755,17 @@ def _ask_of_storeys(building: Building) -> Iterator[str]:
             numbers.append((f"the force of {element.name} over the weight", share, (2e-4, 3.0), ""))
         elif element.is_linear and ratio:
             numbers.append((f"the damping ratio that {element.name} adds to a mode", ratio, (2e-4, 50.0), ""))
-    questions = [question_on(name, float(value), usual, unit) for name, value, usual, unit in numbers]
-    yield from (f"{question}." for question in dict.fromkeys(questions) if question)
+    for name, value, usual, unit in dict.fromkeys(numbers):
+        yield from unusual_number(name, float(value), usual, unit, where=f"{building.name}: ")
     springs = building.storey_stiffnesses
     ordinary = float(np.sort(springs)[(springs.size - 1) // 2]) if springs.size else np.inf
     if springs.max(initial=0.0) > _STIFFER * ordinary:
-        yield (
-            f"{building.drift_names[int(springs.argmax())]} has {springs.max():.3g} N/m, and half of the storeys "
-            f"{ordinary:.3g} N/m or less; check whether one is off by a thousand."
-        )
+        words = building.name, building.drift_names[int(springs.argmax())]
+        yield _STOREY_STIFF.remark(*words, measured=Measured(float(springs.max()), "N/m"), ordinary=ordinary)
     heaviest = float(np.diag(building.mass).max())
     if real.size and real.min() > _HUMAN and heaviest < _LEAST_FLOOR:
-        yield (
-            f"its heaviest floor has {heaviest:.3g} kg, and its storeys are {real.max():g} m high; masses are in kg, "
-            "stiffnesses in N/m and forces in N: check whether all are off by a thousand."
-        )
+        measured = Measured(heaviest, "kg")
+        yield _FLOORS_LIGHT.remark(building.name, measured=measured, height=float(real.max()))
 
 
 def _check_heights(building: Building, where: str) -> None:

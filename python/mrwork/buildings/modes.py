@@ -8,6 +8,7 @@ damped throughout. The poles are computed only where that is not certain.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
@@ -15,6 +16,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 
 UNDAMPED: Final = 1e-6
@@ -151,10 +153,27 @@ def growing_modes(mass: Floats, damping: Floats, stiffness: Floats, floors: Floa
     )
 
 
-def damping_warnings(
+_CURE: Final = (
+    "every damper looks better on a frame without damping: give it modal_damping with ratios of 0.01 to 0.02, "
+    "rayleigh, or a damping matrix"
+)
+_UNDAMPED: Final = RemarkKind("modes_undamped", "{0}: {modes} no damping{lowest}", _CURE)
+_FREE_MODES: Final = RemarkKind(
+    "modes_free",
+    "{0}: {modes} no stiffness, so that nothing limits its drift",
+    "give the isolators or the lowest storey a stiffness",
+)
+_DRIVEN_MOTION: Final = RemarkKind(
+    "damping_drives",
+    "{0}: the damping matrix drives some motion, although every mode decays",
+    "check the signs of its entries",
+)
+
+
+def damping_remarks(
     name: str, mass: Floats, damping: Floats, stiffness: Floats, floors: Floats
-) -> tuple[str, ...]:
-    """Sentences on modes without stiffness, on modes without damping, and on damping that drives some motion.
+) -> Iterator[Remark]:
+    """Remarks on modes without stiffness, on modes without damping, and on damping that drives some motion.
 
     A mode of an addition alone, as of a brace behind which a damper is to stand, may be undamped.
     """
@@ -162,37 +181,24 @@ def damping_warnings(
     # Whether it is certain that every mode has a stiffness.
     held = is_positive(stiffness - (_FREE * _typical_frequency(mass, stiffness)) ** 2 * mass)
     if held and not damping.any():
-        return (_describe_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
+        yield _UNDAMPED.remark(name, modes=_modes_have(n, n), lowest="")
+        return
     if held and is_damped(mass, damping, stiffness, UNDAMPED):
-        return ()
+        return
     damped = modal_damping(mass, damping, stiffness, floors)
-    sentences = []
     if damped.n_free:
-        sentences.append(
-            f"{name}: {_modes_have(damped.n_free, n)} no stiffness, so that nothing limits its drift; give the "
-            "isolators or the lowest storey a stiffness."
-        )
+        yield _FREE_MODES.remark(name, modes=_modes_have(damped.n_free, n))
     undamped = (damped.ratio < UNDAMPED) & (damped.apart < OF_ADDITIONS)
     if undamped.any():
-        sentences.append(
-            _describe_undamped(
-                f"{name}: {_modes_have(int(undamped.sum()), n)} no damping, the lowest of these at "
-                f"{damped.frequency[undamped][0]:.4g} Hz"
-            )
+        lowest = float(damped.frequency[undamped][0])
+        yield _UNDAMPED.remark(
+            name,
+            measured=Measured(lowest, "Hz"),
+            modes=_modes_have(int(undamped.sum()), n),
+            lowest=f", the lowest of these at {lowest:.4g} Hz",
         )
     elif not is_damped(mass, damping, stiffness, -_ROUNDING):
-        sentences.append(
-            f"{name}: the damping matrix drives some motion, although every mode decays; check the signs of its "
-            "entries."
-        )
-    return tuple(sentences)
-
-
-def _describe_undamped(fault: str) -> str:
-    return (
-        f"{fault}. Every damper looks better on a frame without damping: give it modal_damping with ratios of 0.01 to "
-        "0.02, rayleigh, or a damping matrix."
-    )
+        yield _DRIVEN_MOTION.remark(name)
 
 
 def _modes_have(count: int, n_modes: int) -> str:

@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
             print_result(options, pushed.document(), repr(pushed))
             return 0
         modal = {name: getattr(building, name).tolist() for name in ("effective_masses", "participation")}
-        facts = {**asdict(BuildingFacts.of(building)), **modal, "warnings": building.warnings}
+        facts = {**asdict(BuildingFacts.of(building)), **modal, "remarks": building.remarks}
         print_result(options, facts, repr(building))
         return 0
     if options.size is not None:

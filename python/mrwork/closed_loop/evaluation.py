@@ -6,7 +6,7 @@ Ohtori), the thesis to the value at i = 0. `||.||` is the root mean square over 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -14,9 +14,10 @@ import numpy as np
 
 from mrwork.base.arguments import AnyNumbers, Whole
 from mrwork.base.numbers import format_rounded
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
-from mrwork.base.units import question_on
+from mrwork.base.units import unusual_number
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.buildings.matrices import DRIFT_RATIOS, Building
@@ -155,11 +156,10 @@ class Criterion:
             "peak_force"
         )
 
-    def question(self, limit: float) -> str:
-        """Question on a limit of the criterion that is of an unusual size; empty on others."""
-        if self.usual is None:
-            return ""
-        return question_on(f"the limit of {self.name}", limit, self.usual, self.unit)
+    def unusual_limit(self, limit: float, where: str = "") -> Iterator[Remark]:
+        """Warn of a limit of the criterion that is of an unusual size."""
+        if self.usual is not None:
+            yield from unusual_number(f"the limit of {self.name}", limit, self.usual, self.unit, where=where)
 
     def value(self, responses: object, scales: Scales) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes."""

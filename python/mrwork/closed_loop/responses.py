@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, Literal, cast
+from typing import Any, ClassVar, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,14 @@ from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import BOTH_UNITS, commanded, joined_units
 from mrwork.buildings.matrices import Building, Device
-from mrwork.dampers.spec import worst_laws
-from mrwork.dampers.tested_range import OperatingRange, Outside, least_stroke, worst_of
+from mrwork.dampers.spec import LawLimit, worst_laws
+from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.errors import SettingError, UnknownNameError
 
 ENERGY_TOLERANCE = 1e-6
@@ -218,6 +219,27 @@ class History(Plotted, Labelled, WithAxes, Summarised):
         )
 
 
+_BEYOND_TESTS: Final = RemarkKind("demand_beyond_tests", "{demand}: {0}{runs}", warns=True)
+_BEYOND_RATING: Final = RemarkKind("demand_beyond_rating", "{demand}: {0}{runs}", warns=True)
+_LAW_OUT: Final = RemarkKind("law_inadmissible", "{limit}", warns=True)
+
+
+def beyond_remark(beyond: Exceedance, damper: str, runs: str = "") -> Remark:
+    """Warn of a demand on a damper, which is named with its worst run, and say in how many `runs`."""
+    kind, measured = (
+        (_BEYOND_RATING if beyond.rated else _BEYOND_TESTS),
+        Measured(beyond.demanded, beyond.unit),
+    )
+    return kind.remark(damper, beyond.quantity, measured=measured, demand=beyond.in_words, runs=runs)
+
+
+def law_remarks(limits: Iterable[LawLimit]) -> Iterator[Remark]:
+    """Warn of each parameter whose law leaves its admissible range, where it is farthest from it."""
+    for limit in worst_laws(limits):
+        measured = Measured(limit.value, limit.unit)
+        yield _LAW_OUT.remark(limit.parameter, measured=measured, limit=limit.in_words)
+
+
 @array_dataclass(repr=False)
 class Responses(Plotted, Labelled, WithAxes, Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
@@ -313,8 +335,9 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
         """Quantities of the demand of a finished run outside the tested ranges of each device."""
         return tuple(device.outside(self.demand(run, number)) for number, device in enumerate(self.devices))
 
-    def warnings(self) -> list[str]:
-        """A sentence for each quantity outside the tested ranges of the devices, and for each law out of its range."""
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """On each quantity outside the tested ranges of the devices, and on each law out of its range."""
         finished = np.flatnonzero(np.isfinite(self.energy_error))
         # One of the runs with the largest or the smallest value of a quantity is the worst.
         cases = [
@@ -322,9 +345,8 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
             for number, device in enumerate(self.devices)
             for run in self._extreme(finished, number)
         ]
-        worst = [f"{name}: {exceedance.in_words}" for exceedance, name, _ in worst_of(cases)]
-        limits = worst_laws(limit for _, case in cases for limit in case.laws)
-        return [*worst, *(limit.in_words for limit in limits)]
+        worst = (beyond_remark(exceedance, name) for exceedance, name, _ in worst_of(cases))
+        return (*worst, *law_remarks(limit for _, case in cases for limit in case.laws))
 
     def _least_stroke(self, run: int, device: int) -> float | None:
         return None if self.histories is None else least_stroke(self.histories[run].deformation[:, device])
@@ -365,5 +387,5 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                 ("histories", "none" if self.histories is None else counted(len(self.histories), "run")),
             ),
             tables=[Table(columns=("largest of a run", "least", "median", "largest", "unit"), rows=rows)],
-            notes=[f"warning: {warning}" for warning in self.warnings()],
+            remarks=self.remarks,
         )

@@ -1,16 +1,18 @@
 """What a colleague would ask about a ground motion: its step, its size, its mean, wild samples and clipped peaks.
 
-The questions are sentences; a motion that has none is silent. Limits lie between measured records with their
+A motion without such faults has no remarks. Limits lie between measured records with their
 processing, and the slips and faults of loggers, units and tables.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 
@@ -39,41 +41,61 @@ def refuse_absurd(acceleration: Floats, *, source: str) -> None:
         )
 
 
-def questions_of(acceleration: Floats, velocity: Floats, dt: float, *, scaled: bool = False) -> Iterator[str]:
-    """Questions about a motion [m/s^2], [m/s], [s], shape (n_time,); about a scaled motion, none on its size."""
+_STEP: Final = RemarkKind(
+    "step_unusual",
+    "ground motion {0}: its step is {value:.3g} s, and accelerograms have 1 to 20 ms",
+    "check whether the times are seconds, milliseconds or sample numbers",
+)
+_CONSTANT: Final = RemarkKind(
+    "acceleration_constant",
+    "ground motion {0}: it is {value:.4g} m/s2 throughout",
+    "check the column and the channel",
+)
+_PEAK: Final = RemarkKind(
+    "acceleration_unusual",
+    f"ground motion {{0}}: its peak is {{value:.3g}} m/s2, and accelerograms have {_WEAKEST:g} to {_STRONGEST:g} m/s2",
+    "check the unit of the acceleration",
+)
+_WILD: Final = RemarkKind(
+    "samples_wild",
+    "ground motion {0}: a sample leaps away from both neighbours at {at:.6g} s by {value:.3g} m/s2, more than any "
+    "other (such samples: {count})",
+    "correct what the recorder did not measure",
+)
+_CLIPPED: Final = RemarkKind(
+    "acceleration_clipped",
+    "ground motion {0}: {count} samples are at its peak of {value:.4g} m/s2 exactly, so the record is clipped",
+    "take one of a recorder with a wider range",
+)
+_OFFSET: Final = RemarkKind(
+    "acceleration_offset",
+    "ground motion {0}: its mean of {value:.3g} m/s2 is an offset, with which the ground drifts by {drift:.3g} m",
+    "take it off, by baseline = 0 of the [[motion]] or mr.motions.baseline_corrected(motion, order=0)",
+)
+
+
+def motion_remarks(
+    name: str, acceleration: Floats, velocity: Floats, dt: float, *, scaled: bool = False
+) -> Iterator[Remark]:
+    """Remarks on a motion [m/s^2], [m/s], [s], shape (n_time,); on a scaled motion, none on its size."""
     peak = float(np.abs(acceleration).max())
     if not _SHORTEST_STEP <= dt <= _LONGEST_STEP:
-        yield (
-            f"its step is {dt:.3g} s, and accelerograms have 1 to 20 ms; check whether the times are seconds, "
-            "milliseconds or sample numbers"
-        )
+        yield _STEP.remark(name, measured=Measured(dt, "s"))
     if np.ptp(acceleration) <= 1e-9 * peak:
-        yield f"it is {acceleration[0]:.4g} m/s2 throughout; check the column and the channel"
+        yield _CONSTANT.remark(name, measured=Measured(float(acceleration[0]), "m/s^2"))
         return
     if acceleration.size < _FEWEST:
         return
     if not scaled and not _WEAKEST <= peak <= _STRONGEST:
-        yield (
-            f"its peak is {peak:.3g} m/s2, and accelerograms have {_WEAKEST:g} to {_STRONGEST:g} m/s2; check the unit "
-            "of the acceleration"
-        )
+        yield _PEAK.remark(name, measured=Measured(peak, "m/s^2"))
     if (wild := _wild_samples(acceleration)).size:
-        first = wild[0]
-        leap = np.abs(acceleration[first] - acceleration[[first - 1, first + 1]]).min()
-        yield (
-            f"a sample leaps away from both neighbours at {dt * first:.6g} s by {leap:.3g} m/s2, more than any other "
-            f"(such samples: {wild.size}); correct what the recorder did not measure"
-        )
+        first = int(wild[0])
+        leap = float(np.abs(acceleration[first] - acceleration[[first - 1, first + 1]]).min())
+        yield _WILD.remark(name, measured=Measured(leap, "m/s^2"), at=dt * first, count=wild.size)
     if (count := _at_top(acceleration)) > 0:
-        yield (
-            f"{count} samples are at its peak of {peak:.4g} m/s2 exactly, so the record is clipped; take one of a "
-            "recorder with a wider range"
-        )
+        yield _CLIPPED.remark(name, measured=Measured(peak, "m/s^2"), count=count)
     if (drift := _drift(velocity, dt)) > 0.0:
-        yield (
-            f"its mean of {np.mean(acceleration):.3g} m/s2 is an offset, with which the ground drifts by {drift:.3g} "
-            "m; take it off, by baseline = 0 of the [[motion]] or mr.motions.baseline_corrected(motion, order=0)"
-        )
+        yield _OFFSET.remark(name, measured=Measured(float(np.mean(acceleration)), "m/s^2"), drift=drift)
 
 
 def _wild_samples(acceleration: Floats) -> NDArray[np.intp]:

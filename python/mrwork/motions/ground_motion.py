@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -17,10 +17,11 @@ from numpy.polynomial import Legendre
 from mrwork.base.arguments import AnyNumbers, May, Positive, checked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import MrworkWarning, RecordError, SettingError
-from mrwork.motions.examination import questions_of, refuse_absurd
+from mrwork.motions.examination import motion_remarks, refuse_absurd
 
 
 @checked
@@ -90,8 +91,8 @@ class GroundMotion(Plotted, Summarised):
         return np.concatenate(([0.0], np.cumsum(steps)))
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on a step, a size or a mean that no accelerogram has, on wild samples and on clipped peaks."""
+    def remarks(self) -> tuple[Remark, ...]:
+        """On a step, a size or a mean that no accelerogram has, on wild samples and on clipped peaks."""
         return examined(self, scaled=False)
 
     def _summary(self) -> Summary:
@@ -103,14 +104,13 @@ class GroundMotion(Plotted, Summarised):
                 ("source", self.source),
                 ("changes", "; ".join(self.changes) or "none"),
             ),
-            notes=[f"warning: {warning}" for warning in self.warnings],
+            remarks=self.remarks,
         )
 
 
-def examined(motion: GroundMotion, *, scaled: bool) -> tuple[str, ...]:
-    """The `warnings` of a motion; of one that is to be scaled to an intensity, none on its size."""
-    questions = questions_of(motion.acceleration, motion.velocity, motion.dt, scaled=scaled)
-    return tuple(f"ground motion {motion.name}: {question}" for question in questions)
+def examined(motion: GroundMotion, *, scaled: bool) -> tuple[Remark, ...]:
+    """The `remarks` of a motion; of one that is to be scaled to an intensity, none on its size."""
+    return tuple(motion_remarks(motion.name, motion.acceleration, motion.velocity, motion.dt, scaled=scaled))
 
 
 def replace_samples(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
@@ -173,13 +173,22 @@ def _autocorrelation(samples: Floats) -> Floats:
     return np.asarray(products[1:] / (products[0] or 1.0))
 
 
-def copies_in_words(names: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
-    """A sentence for each record with the names of its copies, each once."""
-    return tuple(
-        f"{list_names(copies)} {'is a copy' if len(copies) == 1 else 'are copies'} of the record {first}, up to a "
-        "factor, a shift or padding, and count with it as one record; leave all but one out"
-        for first, copies in ((first, tuple(dict.fromkeys(copies))) for first, copies in names.items())
-    )
+_COPIES: Final = RemarkKind(
+    "records_copied",
+    "{copies} of the record {0}, up to a factor, a shift or padding, and count with it as one record",
+    "leave all but one out",
+)
+
+
+def copies_remarks(names: Mapping[str, Iterable[str]]) -> Iterator[Remark]:
+    """A remark for each record with the names of its copies, each once."""
+    for first, every in names.items():
+        copies = tuple(dict.fromkeys(every))
+        yield _COPIES.remark(
+            first,
+            *copies,
+            copies=f"{list_names(copies)} {'is a copy' if len(copies) == 1 else 'are copies'}",
+        )
 
 
 # Part of a record that is compared with others [s].

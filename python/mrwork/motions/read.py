@@ -19,6 +19,7 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
+from mrwork.base.remark import warnings_of
 from mrwork.base.units import FACTORS, factor_of, factor_to_si, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
@@ -398,7 +399,7 @@ def read_motion(
     Formats of records are PEER (.AT2), K-NET and KiK-net, COSMOS, ESM, CSMIP (volumes 1 and 2), SMC, GeoNet (V1A and
     V2A), BHRC, RENADIC and USC (volume 1); AFAD, UNAM and CWB are tables with a header. The options supply what a file
     does not state: `unit`, `dt` and `column` of tables, `channel` of files with several channels. One that contradicts
-    the file, or that has no effect, is refused. What is doubtful of the record is warned of (`GroundMotion.warnings`).
+    the file, or that has no effect, is refused. What is doubtful of the record is warned of (`GroundMotion.remarks`).
 
     Parameters
     ----------
@@ -434,13 +435,13 @@ def read_motion(
     3.417
     """
     motion = motion_of_file(Path(path), Stated(unit=unit, dt=dt, column=column, channel=channel))
-    for sentence in motion.warnings:
+    for sentence in warnings_of(motion.remarks):
         warn(sentence, MrworkWarning, stacklevel=3)
     return motion
 
 
 def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
-    """The motion of a file, without a word on its `warnings`."""
+    """The motion of a file, without a word on its `remarks`."""
     # Overflowing values become infinite, and the readers refuse them.
     with np.errstate(over="ignore", invalid="ignore"):
         if path.suffix.lower() == ".mat" or bytes_of(path, RECORD, len(_MATLAB_5)) == _MATLAB_5:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,12 +14,13 @@ from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded, least_to_most
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.units import RATIOS, STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion, copies_among, copies_in_words, replace_samples
+from mrwork.motions.ground_motion import GroundMotion, copies_among, copies_remarks, replace_samples
 from mrwork.motions.spectrum import Ratio, response_spectrum
 
 Ground = Literal["A", "B", "C", "D", "E"]
@@ -303,6 +304,14 @@ def scaled_to_target(
     return replace_samples(motion, factor * motion.acceleration, motion.dt, change)
 
 
+_FAR_FROM_TARGET: Final = RemarkKind(
+    "suite_far_from_target",
+    "the mean spectrum of {count} is {value:.2g} times the target, {0}, on average from {span}: motions that are "
+    "scaled to the target would be {1}, and so would the responses",
+    warns=True,
+)
+
+
 @array_dataclass(repr=False)
 class SuiteCheck(Plotted, Summarised):
     """The spectra of a suite beside its target, and whether it meets the rule of the code.
@@ -376,7 +385,7 @@ class SuiteCheck(Plotted, Summarised):
     def shortcomings(self) -> tuple[str, ...]:
         """Sentences on what the rule wants and the suite does not have; empty if it meets the rule."""
         rule, (least, at), peak, count = self.target.rule, self.least, self.peak_ratio, self.n_records
-        gaps = [f"{sentence}." for sentence in copies_in_words(self.copies)]
+        gaps = [f"{remark.message}." for remark in copies_remarks(self.copies)]
         if count < rule.fewest:
             gaps.append(f"A suite has {rule.fewest} records or more by {rule.clause}, and this one {count}.")
         if least < LEAST_RATIO * _ROUNDED:
@@ -392,15 +401,16 @@ class SuiteCheck(Plotted, Summarised):
         return tuple(gaps)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """A sentence on a suite that is much weaker or stronger than its target; empty otherwise."""
+    def remarks(self) -> tuple[Remark, ...]:
+        """On a suite that is much weaker or stronger than its target."""
         ratio, count = self.mean_ratio, counted(len(self.names), "motion")
         if 1.0 / _FAR <= ratio <= _FAR:
             return ()
+        would, measured = "stronger" if ratio < 1.0 else "weaker", Measured(ratio, "")
         return (
-            f"the mean spectrum of {count} is {ratio:.2g} times the target, {self.target.name}, on average from "
-            f"{self._range_in_words}: motions that are scaled to the target would be "
-            f"{'stronger' if ratio < 1.0 else 'weaker'}, and so would the responses.",
+            _FAR_FROM_TARGET.remark(
+                self.target.name, would, measured=measured, count=count, span=self._range_in_words
+            ),
         )
 
     @property

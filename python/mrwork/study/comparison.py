@@ -78,13 +78,6 @@ def times_better(results: StudyResults, row: int, reference: int, names: Sequenc
     return None if np.isnan(judged).any() else int((judged < 1.0).all(axis=0).sum())
 
 
-ADD_BEST_PASSIVE = (
-    "Against i = 0 alone most laws look good: the best constant command is missing beside them, leave out "
-    'references = "none".'
-)
-"""Advice for a study whose passive dampers do not include the best one."""
-
-
 def compared_quantities() -> tuple[Criterion, ...]:
     """The criteria whose change against a reference is meaningful."""
     return tuple(entry for entry in criteria() if entry.ratio)
@@ -169,10 +162,10 @@ class Comparison(Summarised):
 _CONSTANT = 0.01
 
 
-def findings(results: StudyResults) -> tuple[str, ...]:
+def results_in_words(results: StudyResults) -> tuple[str, ...]:
     """Sentences on the best constant command, on the force of the dampers, on laws that send a constant command.
 
-    And on limits of storeys, and scores that the motions do not tell apart.
+    And on the drift limit, and scores that the motions do not tell apart.
     """
     return (
         *results.choices,

@@ -8,21 +8,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import counted, round_to
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import ratio
-from mrwork.closed_loop.responses import demand_of
+from mrwork.closed_loop.responses import beyond_remark, demand_of, law_remarks
 from mrwork.control.weights.limits import sine_force
-from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import Outside, worst_of
 from mrwork.study.results import DeviceDemand, StudyResults
 from mrwork.study.runs import Runs
+from mrwork.study.storeys import storey_remarks
 from mrwork.study.study import Study
 
 # Share of the base shear below which dampers hardly change a response: with 2 % of it the peak drift of a frame of six
@@ -57,8 +59,8 @@ def demands_of(
     return tuple(demands)
 
 
-def _outside_in_words(results: StudyResults) -> Iterator[str]:
-    """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range."""
+def _beyond(results: StudyResults) -> Iterator[Remark]:
+    """Remarks on each quantity outside the tested ranges, with its worst run, and on each law out of its range."""
     every, limits = [], []
     for (row, motion), demands in results.demanded.items():
         under = f"under {results.motions[motion].name} with {results.rows[row].label}"
@@ -67,9 +69,8 @@ def _outside_in_words(results: StudyResults) -> Iterator[str]:
         limits += [limit for demand in demands for limit in demand.outside.laws]
     n_runs = sum(map(bool, results.demanded.values()))
     for worst, label, count in worst_of(every):
-        beyond = "beyond the rating" if worst.rated else "outside the tested range"
-        yield f"{worst.in_words}: {label}; {beyond} in {count} of {n_runs} runs with dampers."
-    yield from (f"{limit.in_words}." for limit in worst_laws(limits))
+        yield beyond_remark(worst, label, f", in {count} of {n_runs} runs with dampers")
+    yield from law_remarks(limits)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,44 +110,56 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
 
 
 def judged_by_demand(results: StudyResults, study: Study) -> StudyResults:
-    """Results of a study with the demands on its devices, and with the warnings on them."""
+    """Results of a study with the demands on its devices, and with the remarks on them."""
     motions = results.motions
     demanded = {
         (row, motion): demands_of(results.quantities, row, motion, study.devices, motions[motion].duration)
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
     }
     results = replace(results, demanded=demanded)
-    warnings = [*_outside_in_words(results), *_weak(results)]
-    if results.dampers:
-        rigidity = _rigidity(results, study)
-        warnings += [*_at_largest(results, study, rigidity), *_locked_storeys(results, study, rigidity)]
-    return replace(results, damper_warnings=tuple(warnings))
-
-
-def _weak(results: StudyResults) -> Iterator[str]:
-    """A sentence on dampers that are too weak for their building."""
-    most = max(_reaches(results), key=lambda reach: reach.share, default=None)
-    if most is None or not most.share < _WEAK:
-        return
-    yield (
-        f"the dampers reach {_percent(most.share)} % of the base shear at most, and below {_percent(_WEAK)} % they "
-        f"hardly change the response: {_counts(results, _ADVISED / most.share)} would reach {_percent(_ADVISED)} %, "
-        "or larger dampers."
+    rigidity = _rigidity(results, study) if results.dampers else None
+    of_size = (
+        ()
+        if rigidity is None
+        else (*_at_largest(results, study, rigidity), *_locked_storeys(results, study, rigidity))
+    )
+    return replace(
+        results, damper_remarks=(*_beyond(results), *_weak(results), *of_size, *storey_remarks(results))
     )
 
 
-def _at_largest(results: StudyResults, study: Study, rigidity: Floats) -> Iterator[str]:
-    """A sentence on dampers of which the largest command is the best constant one, and none is stiff at it."""
+_WEAK_DAMPERS: Final = RemarkKind(
+    "dampers_weak",
+    f"the dampers reach {{percent}} % of the base shear at most, and below {100.0 * _WEAK:g} % they hardly change the "
+    "response",
+    f"{{0}} would reach {100.0 * _ADVISED:g} %, or larger dampers",
+)
+
+
+def _weak(results: StudyResults) -> Iterator[Remark]:
+    """Warn of dampers that are too weak for their building."""
+    most = max(_reaches(results), key=lambda reach: reach.share, default=None)
+    if most is not None and most.share < _WEAK:
+        counts = _counts(results, _ADVISED / most.share)
+        yield _WEAK_DAMPERS.remark(counts, measured=Measured(most.share, ""), percent=_percent(most.share))
+
+
+BEST_AT_LARGEST: Final = RemarkKind(
+    "largest_command_best",
+    "the largest command is the best constant one ({0}), so the dampers are small for this building",
+    "more or larger dampers would reduce its response further{unless}",
+)
+
+
+def _at_largest(results: StudyResults, study: Study, rigidity: Floats) -> Iterator[Remark]:
+    """Warn of dampers of which the largest command is the best constant one, and none is stiff at it."""
     best, judged = results.row_of("best_passive"), results.judged_motions
     if best is None or not results.finished_under(best, judged):
         return
     largest = np.array([device.largest_command for device in study.devices if device.is_commanded])
     reached = results.quantities.numbers["peak_current"][best, list(judged), 0, : largest.size]
     if (reached > _LARGEST * largest).all() and not (rigidity[best] > _FREE).any():
-        yield (
-            f"the largest command is the best constant one ({results.rows[best].label}), so the dampers are small for "
-            "this building: more or larger dampers would reduce its response further."
-        )
+        yield BEST_AT_LARGEST.remark(results.rows[best].label, unless="")
 
 
 def _rigidity(results: StudyResults, study: Study) -> Floats:
@@ -161,8 +174,16 @@ def _rigidity(results: StudyResults, study: Study) -> Floats:
     return np.asarray(shares**2 * ratio(force, stroke) * flexibility)
 
 
-def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> Iterator[str]:
-    """A sentence for each device that locks its storey at i = 0, else with a law or a constant command."""
+_LOCKED: Final = RemarkKind(
+    "storey_locked",
+    "{0} locks its storey {when}: {force:g} kN at a stroke of {stroke:g} mm is {times:g} times the stiffness of the "
+    "storey (under {motion} with {row}), and a rigid brace dissipates little and may raise accelerations",
+    "{1}",
+)
+
+
+def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> Iterator[Remark]:
+    """Warn of each device that locks its storey at i = 0, else with a law or a constant command."""
     off, commanded = results.row_of("passive_off"), _commanded(results)
     stroke, force = (results.quantities.numbers[name][..., 0, :] for name in ("peak_stroke", "peak_force"))
     for device in range(len(results.dampers)):
@@ -180,14 +201,18 @@ def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> It
         when, remedy = (
             ("already at i = 0", _fewer(results, study, device, int(worst[1])))
             if at_zero
-            else (f"with {named}", "; a smaller largest_command of the law or fewer dampers free it")
+            else (f"with {named}", "a smaller largest_command of the law or fewer dampers free it")
         )
-        reached, moved = float(force[(*worst, device)]), float(stroke[(*worst, device)])
-        yield (
-            f"{results.device_names[device]} locks its storey {when}: {round_to(1e-3 * reached, 3):g} kN at a stroke "
-            f"of {round_to(1e3 * moved, 2):g} mm is {round_to(float(ratios[worst]), 2):g} times the stiffness of the "
-            f"storey (under {results.motions[worst[1]].name} with {results.rows[worst[0]].label}). It acts as a rigid "
-            f"brace, which dissipates little and may raise accelerations{remedy}."
+        yield _LOCKED.remark(
+            results.device_names[device],
+            remedy,
+            measured=Measured(float(ratios[worst]), ""),
+            when=when,
+            force=round_to(1e-3 * float(force[(*worst, device)]), 3),
+            stroke=round_to(1e3 * float(stroke[(*worst, device)]), 2),
+            times=round_to(float(ratios[worst]), 2),
+            motion=results.motions[worst[1]].name,
+            row=results.rows[worst[0]].label,
         )
 
 
@@ -202,15 +227,15 @@ def _fewer(results: StudyResults, study: Study, number: int, motion: int) -> str
     bare, device, damper = results.quantities.at(0, motion), study.devices[number], results.dampers[number]
     # The building without dampers has no storey of what was built in, such as a tuned mass.
     if not results.finished_under(0, (motion,)) or damper.storey >= len(bare["peak_drift"]):
-        return ""
+        return "take fewer or smaller dampers"
     drift = damper.share * float(bare["peak_drift"][damper.storey])
     rate = 2.0 * math.pi * float(study.building.frequencies[0]) * drift
     force = damper.share * float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
     count = device.count * _ADVISED * float(bare["peak_base_shear"]) / force
     if count < 1.0:
-        return f"; one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"
-    advised = f"; count = {math.ceil(round_to(count, 2))} has {_percent(_ADVISED)} % of the base shear"
-    return f"{advised} at the largest command"
+        return f"one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"
+    percent = f"{_percent(_ADVISED)} % of the base shear at the largest command"
+    return f"count = {math.ceil(round_to(count, 2))} has {percent}"
 
 
 def _reaches(results: StudyResults) -> list[_Reach]:

@@ -27,7 +27,7 @@ from mrwork.store.run_folder import (
     STUDY_RUN,
     RunFolder,
 )
-from mrwork.study.comparison import Comparison, compared, findings, judged_in_words, motion_groups
+from mrwork.study.comparison import Comparison, compared, judged_in_words, motion_groups, results_in_words
 from mrwork.study.results import (
     DeviceDemand,
     Ensemble,
@@ -199,7 +199,7 @@ def _summary(results: StudyResults) -> dict[str, Any]:
         "complete": results.complete,
         "scores": {row.label: results.score(number).mean for number, row in rows},
         "spreads": {row.label: asdict(results.score(number)) for number, row in rows},
-        "warnings": tuple(results.warnings()),
+        "remarks": results.remarks,
         "best_passive": None if passive is None else labels[passive],
         "judged_on": judged_in_words(results),
         "groups": [
@@ -217,7 +217,7 @@ def _summary(results: StudyResults) -> dict[str, Any]:
             for number, row in rows
             if (bands := bands_over(results, number, results.row_of("passive_off")))
         },
-        "findings": findings(results),
+        "sentences": results_in_words(results),
     }
 
 
@@ -264,7 +264,7 @@ def design_document(study: Study) -> dict[str, Any]:
             for label, taken in study.taken_settings
         ],
         "weights": [
-            {"controllers": labels, "notes": (*weights.in_words, weights.advice), **weights.document()}
+            {"controllers": labels, "notes": weights.in_words, **weights.document()}
             for labels, weights in study.designs
         ],
         "loops": [

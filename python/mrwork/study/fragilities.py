@@ -11,9 +11,9 @@ have this likelihood, and so have counts at each level, with one level for each 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 import scipy
@@ -24,6 +24,7 @@ from mrwork.base.hints import May, Within
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY, number_in
@@ -63,6 +64,38 @@ class Crossing:
         """The interval, or the interpolated intensity twice."""
         between = self.interpolated
         return (self.above, self.below) if math.isnan(between) else (between, between)
+
+
+_UNRESOLVED: Final = RemarkKind(
+    "records_unresolved",
+    "{records} ended at a run that could not be resolved, and count as above",
+    "give a shorter step of [hardware]",
+)
+_EXTRAPOLATED: Final = RemarkKind(
+    "levels_extrapolated",
+    "from {level} g on dampers go beyond their tests or their rating, so that their force is extrapolated",
+    warns=True,
+)
+_LEVELS_COARSE: Final = RemarkKind(
+    "levels_coarse",
+    "one intensity separates all records, so that the dispersion is not known",
+    "give finer levels",
+)
+_MEDIAN_UNKNOWN: Final = RemarkKind(
+    "median_unknown",
+    "median and dispersion are not determined, as where each record reaches the limit at its lowest level or never",
+    "give further levels",
+)
+_BAND_OPEN: Final = RemarkKind(
+    "median_band_open",
+    "{percent} % of the draws of the bootstrap do not determine the median, so that the band has an open end",
+    "give further levels",
+)
+_FEW_RECORDS: Final = RemarkKind(
+    "records_few",
+    "{count} records are few: a band between them holds the median in {holds} % of cases at most, not in {level:.0f} %",
+    "give {needed} or more",
+)
 
 
 @array_dataclass(repr=False)
@@ -135,41 +168,31 @@ class Fragility(Summarised):
         return f"{self.median_in_words}{band}"
 
     @property
-    def cautions(self) -> tuple[str, ...]:
-        """Sentences on runs that were not resolved, on levels beyond tested ranges, and on what levels do not tell."""
+    def remarks(self) -> tuple[Remark, ...]:
+        """On runs that were not resolved, on levels beyond tested ranges, and on what levels do not tell."""
+        return tuple(self._remarks())
+
+    def _remarks(self) -> Iterator[Remark]:
         unresolved = sum(crossing.unresolved for crossing in self.crossings)
         beyond, unknown = self.levels[self.outside > 0.0], 100.0 * float(np.isnan(self.medians).mean())
         above, below = np.array([crossing.ends for crossing in self.crossings]).T
-        notes = []
         if unresolved:
-            notes.append(
-                f"{counted(unresolved, 'record')} ended at a run that could not be resolved, and count as above"
-            )
+            yield _UNRESOLVED.remark(records=counted(unresolved, "record"))
         if beyond.size:
-            notes.append(
-                f"from {_in_g(beyond.min())} g on dampers go beyond their tests or their rating: extrapolated"
-            )
+            least = float(beyond.min())
+            yield _EXTRAPOLATED.remark(measured=Measured(least, "m/s^2"), level=_in_g(least))
         if not self.bound and above.max() <= below.min():
-            notes.append(
-                "one intensity separates all records, so that the dispersion is not known: give finer levels"
-            )
+            yield _LEVELS_COARSE.remark()
         if self.bound == "not determined":
-            notes.append(
-                "no distribution has the largest likelihood, as where each record reaches the limit at its lowest "
-                "level or never, so that median and dispersion are not determined: give further levels"
-            )
+            yield _MEDIAN_UNKNOWN.remark()
         elif unknown > 0.0 and not (self.band[0] > 0.0 and math.isfinite(self.band[1])):
-            notes.append(
-                f"{significant(unknown, 2)} % of the draws of the bootstrap do not determine the median, so that the "
-                "band has an open end: give further levels"
-            )
-        return tuple(notes)
+            yield _BAND_OPEN.remark(percent=significant(unknown, 2))
 
     def _summary(self) -> Summary:
         return Summary(
             title=f"Fragility, {self.measure}: {self.label}: {self.brief}; {self.reaching} records reach it",
             facts=(("dispersion", format_rounded(self.dispersion)),),
-            notes=self.cautions,
+            remarks=self.remarks,
         )
 
 
@@ -183,7 +206,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
 
     Its arrays are the probability by the lognormal distribution, the share that `reached` the limit and that `outside`
     of tested ranges over row and intensity, and the response of each record.
-    Bands are of this `level`, `criterion` has the `limit`, in this unit. `study_warnings` are taken from the results.
+    Bands are of this `level`, `criterion` has the `limit`, in this unit. `study_remarks` are taken from the results.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})"
@@ -193,7 +216,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
     unit: str
     level: float
     rows: Mapping[str, Fragility] = field(default_factory=dict)
-    study_warnings: tuple[str, ...] = ()
+    study_remarks: tuple[Remark, ...] = ()
 
     def _named_arrays(self) -> NamedArrays:
         first, *_ = every = [*self.rows.values()]
@@ -258,21 +281,25 @@ class Fragilities(Plotted, WithAxes, Summarised):
         return criterion_named(self.criterion).in_words(self.limit, self.unit)
 
     @property
-    def cautions(self) -> tuple[str, ...]:
-        """What the band of few records can be; and the cautions of all rows, each once, behind its labels."""
+    def remarks(self) -> tuple[Remark, ...]:
+        """On the limit, on what the band of few records can be, on rows, each once behind its labels, on the study."""
+        by_remark: dict[Remark, list[str]] = {}
+        for label, row in self.rows.items():
+            for remark in row.remarks:
+                by_remark.setdefault(remark, []).append(label)
+        of_rows = (
+            replace(remark, message=f"{'; '.join(labels)}: {remark.message}", words=tuple(labels))
+            for remark, labels in by_remark.items()
+        )
+        unusual = criterion_named(self.criterion).unusual_limit(self.limit)
+        return (*unusual, *self._few(), *of_rows, *self.study_remarks)
+
+    def _few(self) -> Iterator[Remark]:
         count = len(next(iter(self.rows.values())).crossings)
         holds, needed = 1.0 - 0.5 ** (count - 1), math.ceil(1.0 - math.log2(1.0 - self.level))
-        few = (
-            f"{count} records are few: a band between them holds the median in {shortest(100.0 * holds, 3)} % of "
-            f"cases at most, not in {100.0 * self.level:.0f} %; give {needed} or more"
-        )
-        by_caution: dict[str, list[str]] = {}
-        for label, row in self.rows.items():
-            for caution in row.cautions:
-                by_caution.setdefault(caution, []).append(label)
-        asked = criterion_named(self.criterion).question(self.limit)
-        of_rows = (f"{'; '.join(labels)}: {caution}" for caution, labels in by_caution.items())
-        return (*((asked,) if asked else ()), *((few,) if holds < self.level else ()), *of_rows)
+        if holds < self.level:
+            held, level = shortest(100.0 * holds, 3), 100.0 * self.level
+            yield _FEW_RECORDS.remark(count=count, holds=held, level=level, needed=needed)
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
@@ -294,10 +321,10 @@ class Fragilities(Plotted, WithAxes, Summarised):
     @checked
     def document(self, against: str | None = None) -> dict[str, Any]:
         """What `mrwork fragility --json` prints, compared with the arrangement of a label."""
-        facts = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
+        facts = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "remarks")
         shares = ("levels", "crossed", "outside")
         return {
-            **named(self, "criterion", "limit", "unit", "level", "cautions", "study_warnings"),
+            **named(self, "criterion", "limit", "unit", "level", "remarks"),
             "arrangements": [
                 named(row, *facts, *shares) | {"crossings": [*map(asdict, row.crossings)]}
                 for row in self.rows.values()
@@ -321,7 +348,8 @@ class Fragilities(Plotted, WithAxes, Summarised):
         return Summary(
             title=f"{first.measure} at which {self.limit_in_words}, over {counted(len(first.crossings), 'record')}",
             tables=[Table(columns=columns, rows=rows)],
-            notes=[*self.in_words(against), *self.cautions, *self.study_warnings],
+            remarks=self.remarks,
+            notes=self.in_words(against),
         )
 
 
@@ -386,7 +414,7 @@ def fragility(
         limit=value,
         unit=in_command_unit(criterion_named(name).unit, results.command_unit),
         level=level,
-        study_warnings=results.study_warnings,
+        study_remarks=results.study_remarks,
     )
     kinds = {row.label: row.kind for row in results.rows}
     return _with_rows(found, kinds, at, responses, outside, seed, modelling_dispersion)

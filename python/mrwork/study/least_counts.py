@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Final, Literal
 
 from mrwork.base.arguments import Count, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import OnProgress, Progress
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.buildings.groups import commanded
@@ -62,6 +63,11 @@ class RowCount:
     dampers: Whole
 
 
+_KEPT_BARE: Final = RemarkKind(
+    "limit_kept_bare", "the building keeps the limit without dampers", "give a limit that it exceeds"
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperCounts(Plotted, Summarised):
     """Least counts of dampers with which the rows of a study keep a limit, and every count that was tried.
@@ -88,6 +94,16 @@ class DamperCounts(Plotted, Summarised):
         """A value of the criterion with its unit."""
         return criterion(self.criterion).in_words(value, self.unit)
 
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Whether the building keeps the limit without dampers."""
+        measured = Measured(self.bare, self.unit)
+        return (_KEPT_BARE.remark(measured=measured),) if self.bare <= self.limit else ()
+
+    def document(self) -> dict[str, Any]:
+        """What `mrwork respond --size --json` prints."""
+        return asdict(self) | named(self, "remarks")
+
     def _summary(self) -> Summary:
         judged = criterion(self.criterion)
         heads = self.places if self.by == "storey" and len(self.places) > 1 else ("in each place",)
@@ -107,7 +123,7 @@ class DamperCounts(Plotted, Summarised):
                 ("places", list_names(self.places)),
                 ("without dampers", self.in_words(self.bare)),
             ),
-            cautions=["the building keeps the limit without dampers."] if self.bare <= self.limit else (),
+            remarks=self.remarks,
             tables=[Table(columns=("arrangement", *heads, "dampers", judged.short), rows=rows)],
             notes=[
                 "" if all(row.keeps for row in self.rows) else missed,

@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from mrwork.base.places import keyed, read_each
+from mrwork.base.remark import Remark
 from mrwork.base.summary import named
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.errors import InvalidSettingError, SettingError
@@ -65,7 +66,7 @@ class BareMotion:
     table: MotionTable
     number: int
     file: Path | None
-    warnings: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def bare_motions(table: MotionTable, number: int, folder: Path, seed: int) -> list[BareMotion]:
@@ -76,7 +77,7 @@ def bare_motions(table: MotionTable, number: int, folder: Path, seed: int) -> li
             table=table,
             number=number,
             file=file,
-            warnings=_warnings(ground, table),
+            remarks=_record_remarks(ground, table),
         )
         for ground, file in _grounds(table, folder, seed)
     ]
@@ -130,13 +131,13 @@ def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOf
             intensity=intensity,
             factor=factor,
             copy_of=copy_of,
-            warnings=bare.warnings,
+            remarks=bare.remarks,
         )
         for ground, intensity, factor in scaled
     ]
 
 
-def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
+def _record_remarks(ground: GroundMotion, table: MotionTable) -> tuple[Remark, ...]:
     """What is doubtful of a record; of its size only where the motion keeps it, also with its largest factor."""
     if table.is_synthetic:
         return ()

@@ -21,6 +21,7 @@ from mrwork.base.documents import read_table
 from mrwork.base.keys import Arguments, check_known, given_in
 from mrwork.base.numbers import of_unit, significant
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
+from mrwork.base.remark import Remark
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
@@ -139,8 +140,8 @@ def study_of_tables(
     table = read_table(StudyTable, document, replace(place, on_table=inputs.look_up))
     with place.prefix_errors(SettingError):
         made = _study_of(table, inputs)
-        questions = (*place.questions, *_questions(table, made.limit, place))
-    return replace(made, file=file, place=place, questions=tuple(dict.fromkeys(questions)))
+        unusual = (*place.remarks, *_unusual_limits(table, made.limit, place))
+    return replace(made, file=file, place=place, unusual=tuple(dict.fromkeys(unusual)))
 
 
 def counted_study(study: Study, counts: Sequence[int]) -> Study:
@@ -163,7 +164,7 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
 def with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
     """The study with the dampers of these tables, without a comparison of placements."""
     stated = given_in(replace(study.table, damper=tuple(dampers), places=None, folder=""))
-    place = replace(study.place, questions=[])
+    place = replace(study.place, remarks=[])
     return study_of_tables(
         stated, place, study.folder, study.identified, study.hardware.seed, file=study.file
     )
@@ -297,8 +298,8 @@ def _design_motions(
     return of_level, (of_level[0].level_in_words,)
 
 
-def _questions(table: StudyTable, limit: Mapping[str, float], place: Place) -> Iterator[str]:
-    """Sentences on unusual limits of criteria."""
+def _unusual_limits(table: StudyTable, limit: Mapping[str, float], place: Place) -> Iterator[Remark]:
+    """Warn of unusual limits of criteria."""
     limits: list[tuple[KeyPath, str, float | str]] = [
         (("tune", number, "constraints", name), name, value)
         for number, tune in enumerate(table.tune)
@@ -307,8 +308,8 @@ def _questions(table: StudyTable, limit: Mapping[str, float], place: Place) -> I
     if table.report.limit is not None:
         limits += [(("report", "limit"), name, value) for name, value in limit.items()]
     for path, name, value in limits:
-        if isinstance(value, float) and (question := criterion(name).question(value)):
-            yield f"{place.within(*path)}: {question}."
+        if isinstance(value, float):
+            yield from criterion(name).unusual_limit(value, f"{place.within(*path)}: ")
 
 
 def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, get_args
 
@@ -15,6 +15,7 @@ from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, tree_of
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
@@ -55,8 +56,28 @@ class RealisationBand:
         return RealisationBand(lower=lower, median=median, upper=upper)
 
 
+_UNBALANCED: Final = RemarkKind(
+    "energies_unbalanced",
+    f"the energies of {{runs}} do not balance to {ENERGY_TOLERANCE:.0e} of the largest energy, by up to {{value:.1e}}, "
+    "{0} under {1}; runs of {rows}: a law chatters, or the step is too long",
+    "half the step tells which (--check-step)",
+)
+_LEVELS: Final = RemarkKind(
+    "design_levels_several",
+    "laws are designed, and the best constant command is chosen, over {count} levels at once ({0} to {1})",
+    "give the study the design_level at which this is done, and all levels keep that law",
+)
 _IN_WORDS = {Outcome.UNRESOLVED: "could not be resolved", Outcome.ABANDONED: "was abandoned"}
-_NO_CRITERIA = " A run that does not finish has no criteria."
+_UNFINISHED: Final = RemarkKind("run_unfinished", "{0} under {under} {ended}{without}", "{cure}")
+_NO_CRITERIA: Final = ", and a run that does not finish has no criteria"
+_BEST_PASSIVE_MISSING: Final = RemarkKind(
+    "best_passive_missing",
+    "against i = 0 alone most laws look good, and the best constant command is missing beside them",
+    'leave out references = "none"',
+)
+_FEW_MOTIONS: Final = RemarkKind("motions_few", "{motions} little about the next")
+# Motions from which on nothing is said of their number.
+_ENOUGH: Final = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,8 +306,8 @@ class StudyResults(Plotted, Summarised):
     by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
     its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
-    `study_warnings` come from the study, `damper_warnings` are sentences on demand outside the tested ranges, on laws
-    out of their range and on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose
+    `study_remarks` come from the study, `damper_remarks` are on demand outside the tested ranges, on laws out of their
+    range on the size of dampers, and on storeys. `facts` are further lines of the page. `detailed` is the motion whose
     histories the page shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts
     nearly as well, `None` if run without ``--ensemble``.
     """
@@ -308,8 +329,8 @@ class StudyResults(Plotted, Summarised):
     design_levels: tuple[str, ...] = ()
     limit: Mapping[str, float] = field(default_factory=dict)
     choices: tuple[str, ...] = ()
-    study_warnings: tuple[str, ...] = ()
-    damper_warnings: tuple[str, ...] = ()
+    study_remarks: tuple[Remark, ...] = ()
+    damper_remarks: tuple[Remark, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     detailed: Whole = 0
     with_histories: tuple[Whole, ...] = ()
@@ -338,7 +359,7 @@ class StudyResults(Plotted, Summarised):
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             choices=tuple(choices),
-            study_warnings=study.warnings,
+            study_remarks=study.remarks,
             with_histories=tuple(shown),
         )
 
@@ -540,52 +561,65 @@ class StudyResults(Plotted, Summarised):
         chosen = self.judged_motions if motions is None else motions
         return Spread.of(self.scores(row)[list(chosen)].tolist())
 
-    def warnings(self) -> list[str]:
-        """Warnings on energies that do not balance, modes, levels, dampers out of tested ranges, unfinished runs."""
-        warnings, levels = list[str](), self.design_levels
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """On energies, levels, what laws are compared with, the study, dampers, storeys and unfinished runs."""
+        return (
+            *self._unbalanced(),
+            *self._of_design(),
+            *self.study_remarks,
+            *self.damper_remarks,
+            *self._unfinished(),
+        )
+
+    def _unbalanced(self) -> Iterator[Remark]:
         off = ~self.quantities.balanced[:, :, 0]
-        if off.any():
-            # An energy error that is not a number counts as the largest.
-            errors = np.where(off, searched(self.quantities.energy_error[:, :, 0]), 0.0)
-            worst, motion = divmod(int(errors.argmax()), errors.shape[1])
-            of_rows = list_names([self.rows[number].label for number in np.flatnonzero(off.any(axis=1))])
-            warnings.append(
-                f"the energies of {counted(int(off.sum()), 'run')} do not balance to {ENERGY_TOLERANCE:.0e} of the "
-                f"largest energy, by up to {errors[worst, motion]:.1e}, {self.rows[worst].label} under "
-                f"{self.motions[motion].name}; runs of {of_rows}: a law chatters, or the step is too long, which half "
-                "the step tells (--check-step)."
-            )
-        warnings += self.study_warnings
-        if len(levels) > 1:
-            warnings.append(
-                f"laws are designed, and the best constant command is chosen, over {len(levels)} levels at once "
-                f"({levels[0]} to {levels[-1]}): give the study the design_level at which this is done, and all levels "
-                "keep that law."
-            )
-        warnings += self.damper_warnings
+        if not off.any():
+            return
+        # An energy error that is not a number counts as the largest.
+        errors = np.where(off, searched(self.quantities.energy_error[:, :, 0]), 0.0)
+        worst, motion = divmod(int(errors.argmax()), errors.shape[1])
+        yield _UNBALANCED.remark(
+            self.rows[worst].label,
+            self.motions[motion].name,
+            measured=Measured(float(errors[worst, motion]), ""),
+            runs=counted(int(off.sum()), "run"),
+            rows=list_names([self.rows[number].label for number in np.flatnonzero(off.any(axis=1))]),
+        )
+
+    def _of_design(self) -> Iterator[Remark]:
+        kinds, count = {row.kind for row in self.rows}, len(self.judged_motions)
+        if len(levels := self.design_levels) > 1:
+            yield _LEVELS.remark(levels[0], levels[-1], count=len(levels))
+        if "controller" in kinds and "best_passive" not in kinds:
+            yield _BEST_PASSIVE_MISSING.remark()
+        if 0 < count < _ENOUGH:
+            yield _FEW_MOTIONS.remark(motions=f"{counted(count, 'motion')} {'says' if count == 1 else 'say'}")
+
+    def _unfinished(self) -> Iterator[Remark]:
         outcomes = self.quantities.outcome[:, :, 0]
         for number, row in enumerate(self.rows):
             simulated = np.flatnonzero(outcomes[number] != NOT_RUN).tolist()
-            ends: dict[int, list[str]] = {}
+            ends: dict[Outcome, list[str]] = {}
             for motion in simulated:
-                ends.setdefault(int(outcomes[number, motion]), []).append(self.motions[motion].name)
-            for code, (first, *more) in ends.items():
-                outcome = Outcome(code)
+                ends.setdefault(Outcome(int(outcomes[number, motion])), []).append(self.motions[motion].name)
+            for outcome, (first, *more) in ends.items():
                 if outcome is not Outcome.FINISHED:
-                    under = f"{1 + len(more)} of {len(simulated)} motions, as {first}," if more else first
+                    under = f"{1 + len(more)} of {len(simulated)} motions, as {first}" if more else first
+                    (ended, cure), name = self._end(row, outcome), outcome.name.lower()
                     without = "" if outcome is Outcome.FAILED_SAFE else _NO_CRITERIA
-                    warnings.append(f"{row.label} under {under} {self._end(row, outcome)}.{without}")
-        return warnings
+                    yield _UNFINISHED.remark(
+                        row.label, name, under=under, ended=ended, without=without, cure=cure
+                    )
 
-    def _end(self, row: Row, outcome: Outcome) -> str:
+    def _end(self, row: Row, outcome: Outcome) -> tuple[str, str]:
         if outcome is Outcome.DIVERGED and self.building.yield_drifts:
-            return "diverged, as a frame does that collapses; a shorter step of [hardware] says whether it is that"
+            step = "a shorter step of [hardware] says whether it is that"
+            return "diverged, as a frame does that collapses", step
         if outcome is Outcome.DIVERGED and row.kind in ("uncontrolled", "baseline"):
-            return (
-                "diverged without dampers that follow a command: check [building], and the step of [hardware]"
-            )
-        words = _IN_WORDS.get(outcome, outcome.name.lower().replace("_", " "))
-        return f"{words}: {outcome.remedy}"
+            building = "check [building], and the step of [hardware]"
+            return "diverged without dampers that follow a command", building
+        return _IN_WORDS.get(outcome, outcome.name.lower().replace("_", " ")), outcome.remedy
 
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))
@@ -599,7 +633,7 @@ class StudyResults(Plotted, Summarised):
                     for use in get_args(Use)
                 ),
             ),
-            cautions=self.warnings(),
+            remarks=self.remarks,
             tables=[
                 Table(
                     columns=("peak drift [m]", *(self.motions[motion].name for motion in shown)),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from mrwork.base.numbers import counted, significant
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
@@ -102,13 +104,17 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
     )
 
 
-def limits_in_words(results: StudyResults) -> Iterator[str]:
-    """Sentences on the drift limit, and on what weights do on displaced storeys."""
-    facts, judged = results.building, list(results.judged_motions)
-    # In per cent, infinite of a run that diverged.
+def _ratios_of(results: StudyResults) -> dict[str, Floats]:
+    """Peak drift ratios by row under each judged motion [%], infinite of a run that diverged, where all are known."""
+    judged = list(results.judged_motions)
     ratios = RATIO.factor * results.criteria_of_runs.up_to_collapse("peak_drift_ratio")[:, judged, 0]
     peaks_of = {row.label: peaks for row, peaks in zip(results.rows, ratios, strict=True)}
-    over = {label: peaks for label, peaks in peaks_of.items() if judged and not np.isnan(peaks).any()}
+    return {label: peaks for label, peaks in peaks_of.items() if judged and not np.isnan(peaks).any()}
+
+
+def limits_in_words(results: StudyResults) -> Iterator[str]:
+    """A sentence on the drift limit, if the building has one."""
+    facts, over = results.building, _ratios_of(results)
     if facts.drift_limit and over:
         limit, keeping, broken = 100.0 * facts.drift_limit, [], []
         for label, peaks in over.items():
@@ -123,18 +129,46 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
         parts = [f"kept by {', '.join(keeping)}"] if keeping else []
         parts += [f"exceeded by {'; '.join(broken)}"] if broken else []
         yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
-    finite = {label: peaks[np.isfinite(peaks)].max(initial=0.0) for label, peaks in over.items()}
+
+
+_BEYOND_COLLAPSE: Final = RemarkKind(
+    "drift_beyond_collapse",
+    f"the drift ratio reaches {{percent:.3g}} % with {{0}}: above {100.0 * COLLAPSED:g} % a real frame has collapsed, "
+    "and the run says no more than that",
+    warns=True,
+)
+_UNSTABLE: Final = RemarkKind(
+    "stability_exceeded",
+    f"the stability coefficient reaches {{value:.2g}} with {{0}}, above {_MOST:g}, where EN 1998-1 allows no frame: a "
+    "real one would collapse",
+    warns=True,
+)
+_WEIGHTS_OUT: Final = RemarkKind(
+    "p_delta_missing",
+    f"P-delta is left out, and the stability coefficient reaches {{value:.2g}} with {{0}}, above {_SMALL:g}",
+    "give p_delta = true in [building]",
+)
+_MOVES: Final = RemarkKind(
+    "rest_short",
+    "at the end of {moving} of {motions} the frame moves by up to {swing} mm a storey, which residual drifts contain",
+    "give the motions rest, as rest = 20",
+)
+
+
+def storey_remarks(results: StudyResults) -> Iterator[Remark]:
+    """Remarks on drifts beyond collapse, on what weights do on displaced storeys, and on motion that is left."""
+    finite = {
+        label: peaks[np.isfinite(peaks)].max(initial=0.0) for label, peaks in _ratios_of(results).items()
+    }
     worst = max(finite, key=finite.__getitem__, default="")
     if worst and finite[worst] > 100.0 * COLLAPSED:
-        yield (
-            f"The drift ratio reaches {significant(finite[worst], 3)} % with {worst}: above {100.0 * COLLAPSED:g} % a "
-            "real frame has collapsed, and the run says no more than that."
-        )
-    yield from _stability_in_words(results, facts)
-    yield from _motion_left_in_words(results, facts)
+        percent = float(finite[worst])
+        yield _BEYOND_COLLAPSE.remark(worst, measured=Measured(0.01 * percent, ""), percent=percent)
+    yield from _stability_remarks(results, results.building)
+    yield from _motion_left(results, results.building)
 
 
-def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
+def _stability_remarks(results: StudyResults, facts: BuildingFacts) -> Iterator[Remark]:
     if not (facts.heights and facts.stiffnesses) or min(facts.heights) <= 0.0:
         return
     above = STANDARD_GRAVITY * np.cumsum(facts.masses[::-1])[::-1]
@@ -147,19 +181,12 @@ def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator
             under = scales.divide(drifts / DRIFT.factor, "stability", shears / SHEAR.factor)
             worst = max(worst, (float(under.max()), row.label))
     coefficient, label = worst
-    if facts.loads and coefficient > _MOST:
-        yield (
-            f"The stability coefficient reaches {significant(coefficient, 2)} with {label}, above {_MOST:g}, beyond "
-            "which EN 1998-1 allows no frame: what is simulated there does not collapse as a real one would."
-        )
-    elif not facts.loads and coefficient > _SMALL:
-        yield (
-            f"P-delta is left out, and the stability coefficient reaches {significant(coefficient, 2)} with {label}, "
-            f"above {_SMALL:g}: give p_delta = true in [building]."
-        )
+    kind, least = (_UNSTABLE, _MOST) if facts.loads else (_WEIGHTS_OUT, _SMALL)
+    if coefficient > least:
+        yield kind.remark(label, measured=Measured(coefficient, ""))
 
 
-def _motion_left_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
+def _motion_left(results: StudyResults, facts: BuildingFacts) -> Iterator[Remark]:
     if not facts.yield_drifts:
         return
     # The swing of the first mode with this kinetic energy, spread over the storeys.
@@ -169,8 +196,5 @@ def _motion_left_in_words(results: StudyResults, facts: BuildingFacts) -> Iterat
     swings = per_speed * np.sqrt(2.0 * largest / sum(facts.masses))
     moving = swings > _AT_REST * min(facts.yield_drifts)
     if moving.any():
-        yield (
-            f"The frame still moves at the end of {int(moving.sum())} of {counted(moving.size, 'motion')}, by up to "
-            f"{significant(1e3 * float(swings.max()), 2)} mm a storey, which its residual drifts contain: give the "
-            "motions rest, as rest = 20."
-        )
+        count, swing = int(moving.sum()), significant(1e3 * float(swings.max()), 2)
+        yield _MOVES.remark(moving=count, motions=counted(moving.size, "motion"), swing=swing)

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar, Final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.arguments import checked
 from mrwork.base.keys import Key, keys_of
 from mrwork.base.places import Place, keyed
+from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
@@ -30,7 +31,7 @@ from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.motions.ground_motion import copies_in_words
+from mrwork.motions.ground_motion import copies_remarks
 from mrwork.motions.spectrum import Intensity
 from mrwork.motions.targets import SuiteCheck
 from mrwork.store.codec import digest_of, package_version
@@ -54,7 +55,7 @@ class MotionOfStudy:
 
     A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
     to, else its peak ground acceleration; `factor` is what it was scaled by, if it was.
-    `copy_of` names the record that its own is a copy of, `warnings` are on what is doubtful of the record.
+    `copy_of` names the record that its own is a copy of, `remarks` are on the record.
     """
 
     ground: GroundMotion
@@ -64,7 +65,7 @@ class MotionOfStudy:
     synthetic: bool = False
     factor: float | None = None
     copy_of: str = ""
-    warnings: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def name(self) -> str:
@@ -223,6 +224,13 @@ class StudyFile:
         return self.content.decode("utf-8-sig").replace("\r\n", "\n")
 
 
+_SAME_BUILDING: Final = RemarkKind(
+    "baseline_same",
+    "{0} is the building itself",
+    "give the baseline what changes the building, or leave it out",
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Study(Summarised):
     """A study, of a file or of a call.
@@ -238,9 +246,9 @@ class Study(Summarised):
     `realisations` of what is not known exactly. `other_sets` are the dampers with other sets of laws that predict
     nearly as well, `identified` reads run folders. `suite` has the spectra of the test motions beside the target, if
     there is one and each record has one level. `described` are headings and sentences on building, dampers and loop,
-    `questions` are on unusual numbers. `table` is what the study was stated by; names of files in it are relative to
-    `folder`, and it `is_whole` where it has all motions and rows of the table. `file` is the file that was read, if it
-    was one, and `place` adds its lines to what is refused later.
+    `unusual` are remarks on numbers of the table. `table` is what the study was stated by; names of files in it are
+    relative to `folder`, and it `is_whole` where it has all motions and rows of the table. `file` is the file that was
+    read, if it was one, and `place` adds its lines to what is refused later.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -264,7 +272,7 @@ class Study(Summarised):
     realisations: Realisations | None = None
     other_sets: tuple[OtherSet, ...] = ()
     suite: SuiteCheck | None = None
-    questions: tuple[str, ...] = ()
+    unusual: tuple[Remark, ...] = ()
     is_whole: bool = True
     file: StudyFile | None = None
     place: Place = field(default=Place(), repr=False, compare=False)
@@ -290,16 +298,16 @@ class Study(Summarised):
         return tuple(arrangement.row for arrangement in self.arrangements)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on records and their target, on the building and its baselines, and on unusual numbers.
+    def remarks(self) -> tuple[Remark, ...]:
+        """On records and their target, on the building and its baselines, and on unusual numbers.
 
         Damping of a baseline is told of only where there is nothing to be said of the building.
         """
         bare = digest_of_run(self.arrangements[0])
         baselines = [arrangement for arrangement in self.arrangements if arrangement.row.kind == "baseline"]
-        of_each = (self.building.warnings, *(baseline.building.damping_warnings for baseline in baselines))
+        of_each = (self.building.remarks, *(baseline.building.damping_remarks for baseline in baselines))
         same = (
-            f"{baseline.row.label} is the building itself: what the baseline gives changes nothing."
+            _SAME_BUILDING.remark(baseline.row.label)
             for baseline in baselines
             if digest_of_run(baseline) == bare
         )
@@ -309,10 +317,10 @@ class Study(Summarised):
             is_level = first.ground.source == copy.ground.source and first.level != copy.level
             if first.record == copy.copy_of != copy.record and not is_level:
                 copies.setdefault(copy.copy_of, []).append(copy.record)
-        of_records = dict.fromkeys(sentence for motion in self.motions for sentence in motion.warnings)
-        of_motions = (*of_records, *copies_in_words(copies))
-        of_motions += () if self.suite is None else self.suite.warnings
-        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.questions)
+        of_records = dict.fromkeys(remark for motion in self.motions for remark in motion.remarks)
+        of_motions = (*of_records, *copies_remarks(copies))
+        of_motions += () if self.suite is None else self.suite.remarks
+        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.unusual)
 
     @property
     def at_zero(self) -> Arrangement:
@@ -426,10 +434,7 @@ class Study(Summarised):
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
         """Headings and sentences: of motions and target, of settings taken, of each design, of each law on its gain."""
         taken = ((f"Settings of {label}", settings.in_words) for label, settings in self.taken_settings)
-        designs = (
-            (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
-            for labels, weights in self.designs
-        )
+        designs = ((f"Weights of {', '.join(labels)}", weights.in_words) for labels, weights in self.designs)
         loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self.laws)
         suites = [] if self.suite is None else [self.suite]
         motions = ((f"Motions beside {suite.target.name}", suite.in_words) for suite in suites)
@@ -465,7 +470,7 @@ class Study(Summarised):
                 ("uses", uses_in_words([motion.use for motion in self.motions])),
             ),
             tables=[Table(columns=("arrangement", "description"), rows=rows)],
-            notes=[f"warning: {warning}" for warning in self.warnings],
+            remarks=self.remarks,
         )
 
 

@@ -19,17 +19,16 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.study.comparison import (
-    ADD_BEST_PASSIVE,
     BOTH,
     Comparison,
     best_cells,
     change_table,
     chosen_in_words,
     compared,
-    findings,
     judged_in_words,
     motion_groups,
     rank_headings,
+    results_in_words,
     times_better,
 )
 from mrwork.study.results import (
@@ -261,8 +260,7 @@ def study_summary(results: StudyResults) -> Summary:
         tables=[replace(table, title=table.label, note="") for table in _tables(comparison)],
         notes=[
             *filter(None, [chosen_in_words(results)]),
-            *([ADD_BEST_PASSIVE] if comparison.lacks_best_passive else []),
-            *findings(results),
+            *results_in_words(results),
             *([ON_OFF] if results.step_checked else []),
         ],
     )

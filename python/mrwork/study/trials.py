@@ -22,6 +22,7 @@ from mrwork.base.keys import as_document, keys_of, toml_value
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.places import keyed, read_each
 from mrwork.base.progress import OnProgress
+from mrwork.base.remark import warnings_of
 from mrwork.base.summary import list_names, named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -256,7 +257,7 @@ def magnitudes_of_runs(
         otherwise = "shorten the step of [hardware], or check building and dampers"
         raise SettingError(
             "the dampers at i = 0 or at the largest command have no finite response under the training motions, from "
-            f"which the law takes its settings; {next(iter(building.warnings), otherwise).removesuffix('.')}"
+            f"which the law takes its settings; {next(iter(warnings_of(building.remarks)), otherwise)}"
         )
 
     def at_zero(name: str) -> float:

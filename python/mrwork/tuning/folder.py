@@ -67,7 +67,7 @@ def tuning_document(results: TunedStudy) -> dict[str, Any]:
         "laws": [judged(law) for law in tuned.laws],
         "references": [judged(law) for law in tuned.references],
         "status": results.status,
-        "warnings": results.warnings(),
+        "remarks": results.remarks,
     }
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import apart, significant, with_decimals
 from mrwork.base.progress import OnProgress
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.control.laws.law_settings import design_law, settings_of
 from mrwork.errors import Interrupted, SettingError
@@ -27,9 +28,21 @@ from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
 from mrwork.tuning.space import LawCandidate
 from mrwork.workers.engine import Workers, on_executor
 
-TRAINING_ONLY = (
-    "No motion of the study is for testing only: every score is of the motions that the settings were tuned on, and "
-    'says nothing about others. Give some motions use = "training" and others use = "test".'
+_NOT_HELD_OUT: Final = RemarkKind(
+    "motions_not_held_out",
+    "no motion is for testing only: every score is of the motions that the settings were tuned on",
+    'give some motions use = "training" and others use = "test"',
+)
+_EXCEEDS: Final = RemarkKind(
+    "limits_exceeded_on_test",
+    "{0} keeps its limits on the training motions and exceeds them by {percent} % of the limits in all on the test "
+    "motions",
+    warns=True,
+)
+_BEATEN: Final = RemarkKind(
+    "law_beaten",
+    "{0} does not reach the score of {1} on the {on} motions ({own} against {other})",
+    warns=True,
 )
 
 
@@ -96,29 +109,34 @@ class TunedStudy(StudyResults):
             return self.row_of(law.kind)
         return next((number for number, row in enumerate(self.rows) if row.label == law.label), None)
 
-    def warnings(self) -> list[str]:
-        """Warnings of the study and of the tuning, and on what scores cannot say or that a law does not reach."""
-        sentences = [*StudyResults.warnings(self), *(() if self.held_out else (TRAINING_ONLY,))]
-        sentences += self.tuned.warnings
-        for law in self.tuned.laws:
-            judged = self.judgement(law, "test")
-            if judged is not None and judged.violation > 0.0 and not law.violation:
-                sentences.append(
-                    f"{law.label} keeps its limits on the training motions and exceeds them by "
-                    f"{significant(100.0 * judged.violation, 2)} % of the limits in all on the test motions."
-                )
-            rows = {each.label: self.row_of_law(each) for each in (law, *self.tuned.references)}
-            scores = {label: self.score(row).mean for label, row in rows.items() if row is not None}
-            own = scores.get(law.label, math.nan)
-            lower = {label: score for label, score in scores.items() if score < own}
-            if lower:
-                best = min(lower, key=lambda label: lower[label])
-                on = "test" if self.held_out else "training"
-                both = " against ".join(apart(with_decimals, own, lower[best], 3))
-                sentences.append(
-                    f"{law.label} does not reach the score of {best} on the {on} motions ({both})."
-                )
-        return sentences
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Those of study and tuning, each code of both once, and on what scores cannot say or a law does not reach."""
+        of_study = super(TunedStudy, self).remarks
+        codes = {remark.code for remark in of_study}
+        of_tuning = (remark for remark in self.tuned.remarks if remark.code not in codes)
+        held_out = () if self.held_out else (_NOT_HELD_OUT.remark(),)
+        return (
+            *of_study,
+            *held_out,
+            *of_tuning,
+            *(found for law in self.tuned.laws for found in self._judged(law)),
+        )
+
+    def _judged(self, law: TunedLaw) -> Iterator[Remark]:
+        judged = self.judgement(law, "test")
+        if judged is not None and judged.violation > 0.0 and not law.violation:
+            percent, measured = significant(100.0 * judged.violation, 2), Measured(judged.violation, "")
+            yield _EXCEEDS.remark(law.label, measured=measured, percent=percent)
+        rows = {each.label: self.row_of_law(each) for each in (law, *self.tuned.references)}
+        scores = {label: self.score(row).mean for label, row in rows.items() if row is not None}
+        own = scores.get(law.label, math.nan)
+        lower = {label: score for label, score in scores.items() if score < own}
+        if lower:
+            best = min(lower, key=lambda label: lower[label])
+            shown, other = apart(with_decimals, own, lower[best], 3)
+            on = "test" if self.held_out else "training"
+            yield _BEATEN.remark(law.label, best, on=on, own=shown, other=other)
 
 
 @checked

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -21,10 +21,12 @@ from mrwork.base.numbers import (
     with_decimals,
 )
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.errors import SettingError
+from mrwork.study.damper_size import BEST_AT_LARGEST
 from mrwork.study.row_kinds import Kind
 from mrwork.tuning.space import (
     COMMAND_SLOPE,
@@ -46,6 +48,19 @@ class TracePoint:
 
     candidates: Whole
     least: float
+
+
+_NO_LAW: Final = RemarkKind(
+    "candidates_failed", "{0}: none of {count} makes a law that can be simulated", warns=True
+)
+_LIMITS_UNMET: Final = RemarkKind(
+    "limits_unmet",
+    "{0}: no candidate keeps all limits; on the training motions the chosen one exceeds them by {percent} % in all",
+    warns=True,
+)
+_AT_BOUND: Final = RemarkKind(
+    "settings_at_bound", "{0}: at the {1} bound of the range: {names}", "widen the range with free"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -83,16 +98,13 @@ class TunedLaw(Summarised):
         return LawCandidate(self.settings)
 
     @property
-    def warnings(self) -> Iterator[str]:
-        """Sentences on limits that no candidate keeps, and on free settings at a bound of their range."""
+    def remarks(self) -> Iterator[Remark]:
+        """On limits that no candidate keeps, and on free settings at a bound of their range."""
         if not math.isfinite(self.least):
-            count = counted(self.candidates, "candidate")
-            yield f"{self.label}: none of {count} makes a law that can be simulated."
+            yield _NO_LAW.remark(self.label, count=counted(self.candidates, "candidate"))
         elif self.violation > 0.0:
-            yield (
-                f"{self.label}: no candidate keeps all limits; the chosen one exceeds them by "
-                f"{significant(100.0 * self.violation, 2)} % of the limits in all, on the training motions."
-            )
+            percent, measured = significant(100.0 * self.violation, 2), Measured(self.violation, "")
+            yield _LIMITS_UNMET.remark(self.label, measured=measured, percent=percent)
         ends: dict[str, list[str]] = {}
         for setting in self.free:
             value = self.settings.get(setting.name)
@@ -100,7 +112,7 @@ class TunedLaw(Summarised):
             if setting.name != LARGEST and at is not None and not _MARGIN < at < 1.0 - _MARGIN:
                 ends.setdefault("lower" if at <= _MARGIN else "upper", []).append(setting.name)
         for end, names in ends.items():
-            yield f"{self.label}: at the {end} bound of the range, to be widened with free: {', '.join(names)}."
+            yield _AT_BOUND.remark(self.label, end, *names, names=", ".join(names))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,9 +237,16 @@ class TuningResults(Plotted, WithAxes, Summarised):
     seconds: NotNegative = 0.0
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on limits that no candidate keeps, and on settings at an end of their range."""
-        return tuple(sentence for law in self.laws for sentence in law.warnings)
+    def remarks(self) -> tuple[Remark, ...]:
+        """On limits that no candidate keeps, on settings at a bound, and on dampers best at the largest command."""
+        by_kind = {law.kind: law for law in self.references}
+        best, largest = by_kind.get("best_passive"), by_kind.get("passive")
+        of_dampers = (
+            [BEST_AT_LARGEST.remark(best.label, unless=", unless they lock a storey")]
+            if best and largest and best.settings == largest.settings
+            else []
+        )
+        return (*(remark for law in self.laws for remark in law.remarks), *of_dampers)
 
     @checked
     def is_comparable(self, law: TunedLaw) -> bool:
@@ -256,10 +275,10 @@ class TuningResults(Plotted, WithAxes, Summarised):
     def _summary(self) -> Summary:
         summary = self._found()
         hint = "What the settings are worth on other motions: mr.tuning.judge(study, tuned)."
-        return replace(summary, cautions=self.warnings, notes=(*summary.notes, hint))
+        return replace(summary, remarks=self.remarks, notes=(*summary.notes, hint))
 
     def _found(self) -> Summary:
-        """The summary without what the judging study says, too: warnings, and what the settings are worth."""
+        """The summary without what the judging study says, too: remarks, and what the settings are worth."""
         places = [places_table(self)] if self.places else []
         columns = ("law", "objective", "settings")
         rows = tuple(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Final
+
 import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import format_rounded
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
@@ -107,21 +111,35 @@ def rms_under_gain(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
     return rms, forces
 
 
-SCAN = (
-    "The weights give the shape of the cost. The size of R is one number more, to be scanned in the true loop (from 10 "
-    "to 1e-4 times R as designed), because a damper saturates and only resists motion; least-force weights as "
-    "designed are far too timid."
+_UNREACHABLE: Final = RemarkKind(
+    "limits_unreachable",
+    "the limits cannot be met with this budget{nor}: the least factor by which all are met is {value:.3g}{more}",
+    warns=True,
 )
-SCAN_BUDGET = (
-    "With the semi-active condition the budget decides the law, and R hardly matters: scan the budget in the true loop "
-    "(budget_scale from 0.1 to 10)."
+_UNDETERMINED: Final = RemarkKind(
+    "limits_undetermined",
+    "whether all limits can be met with this budget is not determined: the least factor by which they are is between "
+    "{bound:.5g} and {value:.5g}",
+    warns=True,
 )
-"""Advice wherever designed weights are shown."""
+_NO_FORECAST: Final = RemarkKind(
+    "gain_without_soil",
+    "the gain of the law reaches {reached}: a law with the least ratio also knows the state of the soil",
+)
+_SCAN: Final = RemarkKind(
+    "control_weight_to_scan",
+    "the weights give the shape of the cost, and the size of R is to be scanned in the true loop (from 10 to 1e-4 "
+    "times R as designed), because a damper saturates and only resists motion; least-force weights are too timid",
+)
+_SCAN_BUDGET: Final = RemarkKind(
+    "budget_to_scan",
+    "with the semi-active condition the budget decides the law, and R hardly matters: scan the budget in the true loop "
+    "(budget_scale from 0.1 to 10)",
+)
 
 _SETTING = {"rms_drift": "drifts", "rms_acceleration": "accelerations", "rms_displacement": "displacements"}
 # Excess of the gain of the law over ratio and budget, as a factor, beyond which it is said in words.
 _NEAR = 1.05
-_FORECAST = "a law with the least ratio also knows the state of the soil."
 # Outputs and sentences on what binds that the summary shows.
 _SHOWN = 4
 # Shares of the multipliers below this one belong to limits that do not bind.
@@ -164,9 +182,20 @@ class DesignedWeights(Summarised):
     origin: tuple[str, ...] = ()
 
     @property
-    def advice(self) -> str:
-        """Setting to scan in the true loop."""
-        return SCAN_BUDGET if self.semi_active else SCAN
+    def remarks(self) -> tuple[Remark, ...]:
+        """On limits that cannot be met, on the gain of the law, and on the setting to scan in the true loop."""
+        return (*self._unmet(), (_SCAN_BUDGET if self.semi_active else _SCAN).remark())
+
+    def _unmet(self) -> Iterator[Remark]:
+        ratio, times, check = self.reachable_ratio, self.budget_factor or np.nan, self.certificate
+        if ratio > 1.0 >= check.bound:
+            yield _UNDETERMINED.remark(measured=Measured(ratio, ""), bound=check.bound)
+        elif ratio > 1.0:
+            nor = ", nor with 100 times the budget" if np.isinf(times) else ""
+            more = f"; with {times:.3g} times the budget they can" if np.isfinite(times) else ""
+            yield _UNREACHABLE.remark(measured=Measured(ratio, ""), nor=nor, more=more)
+        if not (check.law_ratio <= _NEAR * ratio and check.law_force <= _NEAR):
+            yield _NO_FORECAST.remark(reached=check.law_in_words)
 
     @checked
     def rms_under_ground(self, *, controlled: bool) -> Floats:
@@ -244,8 +273,9 @@ class DesignedWeights(Summarised):
 
     @property
     def in_words(self) -> tuple[str, ...]:
-        """Sentences on what can be reached and what binds; where a study asked, on ground and budget first."""
-        return (*self._origin_in_words, *self._reached_in_words)
+        """Sentences on what can be reached, what binds, remarks; where a study asked, on ground and budget first."""
+        remarks = (f"{remark.message[:1].upper()}{remark.message[1:]}." for remark in self.remarks)
+        return (*self._origin_in_words, *self._reached_in_words, *remarks)
 
     @property
     def _origin_in_words(self) -> tuple[str, ...]:
@@ -264,26 +294,9 @@ class DesignedWeights(Summarised):
 
     @property
     def _reached_in_words(self) -> tuple[str, ...]:
-        ratio, times = self.reachable_ratio, self.budget_factor or np.nan
-        if ratio <= 1.0:
-            first = f"All limits can be met, down to {ratio:.3g} of them with the whole budget."
-        elif self.certificate.bound <= 1.0:
-            first = (
-                "Whether all limits can be met with this budget is not determined: the least factor by which they are "
-                f"is between {self.certificate.bound:.5g} and {ratio:.5g}."
-            )
-        else:
-            nor = ", nor with 100 times the budget" if np.isinf(times) else ""
-            more = f"; with {times:.3g} times the budget they can" if np.isfinite(times) else ""
-            first = (
-                f"The limits cannot be met with this budget{nor}: the least factor by which all are met at once is "
-                f"{ratio:.3g}{more}."
-            )
-        check = self.certificate
-        if check.law_ratio <= _NEAR * ratio and check.law_force <= _NEAR:
-            return (first, *self.binding)
-        sentence = f"The gain of the law reaches {check.law_in_words}: {_FORECAST}"
-        return (first, sentence, *self.binding)
+        ratio = self.reachable_ratio
+        met = f"All limits can be met, down to {ratio:.3g} of them with the whole budget."
+        return (*((met,) if ratio <= 1.0 else ()), *self.binding)
 
     def _summary(self) -> Summary:
         check = self.certificate
@@ -307,7 +320,8 @@ class DesignedWeights(Summarised):
                 ),
             ),
             tables=[Table(columns=("output", "weight", "rms / limit"), rows=rows)],
-            notes=(*self.origin, *self._reached_in_words[: 2 + _SHOWN], self.advice),
+            remarks=self.remarks,
+            notes=(*self.origin, *self._reached_in_words[: 1 + _SHOWN]),
         )
 
 

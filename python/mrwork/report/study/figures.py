@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from operator import attrgetter
 from typing import get_args
 
@@ -330,7 +329,7 @@ def fragility_section(results: StudyResults, fragilities: Fragilities) -> Sectio
         groups=(
             Group(
                 points=fragilities.in_words(),
-                table=replace(table, note=" ".join(f"{caution}." for caution in fragilities.cautions)),
+                table=table,
             ),
             Group(panels=(curves,)),
             Group(panels=(lines,), layout="whole"),

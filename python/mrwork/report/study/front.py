@@ -19,7 +19,6 @@ from mrwork.plots.of_studies import RATIO, Stroke, short, strokes
 from mrwork.report.section import Lead, Panel, first_sentences, panel
 from mrwork.report.study.figures import profile_figure
 from mrwork.study.comparison import (
-    ADD_BEST_PASSIVE,
     BOTH,
     Comparison,
     beaten_in_words,
@@ -43,21 +42,26 @@ _LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 3, 2, 3, 2
 _ACTIVE = ("law", "actuator", "other_device")
 # Size of the line of a row in the table [in].
 _LINE = (0.26, 0.08)
-# Motions from which on nothing is said of their number, and floors of a building that can be drawn.
-_ENOUGH, _MOST_FLOORS = 3, 100
+# Floors of a building that can be drawn.
+_MOST_FLOORS = 100
+
+
+def messages_of_page(results: StudyResults, fragilities: Fragilities | None) -> list[str]:
+    """The messages of all remarks of a page, those of warnings first."""
+    remarks = dict.fromkeys((*results.remarks, *(() if fragilities is None else fragilities.remarks)))
+    return [each.message for each in sorted(remarks, key=lambda remark: remark.severity != "warning")]
 
 
 def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -> Lead:
     """The front of the page of a study, with the fragilities of its records at several levels."""
     results = comparison.results
-    drawn, count = drawn_rows(comparison), len(results.judged_motions)
+    drawn = drawn_rows(comparison)
     places = results.tuned.places if isinstance(results, TunedStudy) else ()
     placed = (
         f" Best of {counted(len(places), 'placement')} of the dampers: {places[0].in_words}."
         if places
         else ""
     )
-    few = f"{counted(count, 'motion')} {'says' if count == 1 else 'say'} little about the next."
     return Lead(
         eyebrow="Control laws tuned, and the response of the building with them"
         if isinstance(results, TunedStudy)
@@ -72,14 +76,7 @@ def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -
         "continue.",
         panels=(*_building_panel(results), *_profile_panels(results, drawn)),
         table=_table(comparison, drawn),
-        cautions=first_sentences(
-            [
-                *results.warnings(),
-                *([few] if 0 < count < _ENOUGH else []),
-                *(() if fragilities is None else fragilities.cautions),
-            ],
-            _CAUTIONS,
-        ),
+        cautions=first_sentences(messages_of_page(results, fragilities), _CAUTIONS),
         advice=_advice(comparison),
     )
 
@@ -124,7 +121,7 @@ def _verdict(comparison: Comparison) -> str:
     results, passive, judged = comparison.results, comparison.passive, judged_in_words(comparison.results)
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     if comparison.lacks_best_passive:
-        return ADD_BEST_PASSIVE
+        return f"{counted(len(laws), 'law')} under {judged}, without the best constant command beside them."
     if not laws or passive is None:
         if comparison.leading is None:
             return f"{counted(len(results.rows), 'arrangement')} under {judged}."

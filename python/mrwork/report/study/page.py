@@ -26,8 +26,8 @@ from mrwork.report.study.figures import (
     profile_figure,
     spread_section,
 )
-from mrwork.report.study.front import drawn_rows, study_lead
-from mrwork.study.comparison import Comparison, change_table, compared, findings, judged_in_words
+from mrwork.report.study.front import drawn_rows, messages_of_page, study_lead
+from mrwork.study.comparison import Comparison, change_table, compared, judged_in_words, results_in_words
 from mrwork.study.results import StudyResults, largest_step_changes
 from mrwork.study.storeys import OVERTURNING, SHEAR, limits_in_words, storey_table
 from mrwork.study.tables import ShownRows, bands_of_study, shown_rows, step_table, value_table
@@ -340,7 +340,7 @@ def study_page(
     several = len(results.judged_motions) > 1
     median = f", median of {judged_in_words(results)}" if several else ""
     sections = [
-        warning_section(results.warnings()),
+        warning_section(messages_of_page(results, fragilities)),
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
         *(tuning_sections(results) if isinstance(results, TunedStudy) else ()),
@@ -364,7 +364,7 @@ def study_page(
 
 
 def _change_section(comparison: Comparison, shown: ShownRows) -> Section | None:
-    """Changes of every quantity against the best constant command and the building without dampers, and findings."""
+    """Changes of every quantity against the best constant command and the building without dampers."""
     if comparison.leading is None:
         return None
     results = comparison.results
@@ -378,5 +378,8 @@ def _change_section(comparison: Comparison, shown: ShownRows) -> Section | None:
     return Section(
         title="Changes of every quantity",
         summary=f"{comparison.heading}.",
-        groups=(*groups, Group(points=findings(results), prose=(shown.in_words,) if shown.in_words else ())),
+        groups=(
+            *groups,
+            Group(points=results_in_words(results), prose=(shown.in_words,) if shown.in_words else ()),
+        ),
     )
