@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 
 from mrwork.base.numbers import format_rate
+from mrwork.base.remark import RemarkKind
 from mrwork.base.summary import Summary
 from mrwork.base.table import TableColumn, csv_text, page_table, text_table
 from mrwork.errors import MrworkWarning, RecordError, escape_text, escaped_lines
@@ -67,11 +68,11 @@ def test_cells_in_bold_are_bold_on_a_page() -> None:
     assert f"{table.__html__()}" == table.html()
 
 
-def test_a_summary_has_cautions_before_notes_and_every_table_in_each_medium() -> None:
+def test_a_summary_has_remarks_before_notes_and_every_table_in_each_medium() -> None:
     summary = Summary(
         title="Result",
         facts=[("error", "3 N"), ("none", "")],
-        cautions=["do not trust it"],
+        remarks=[RemarkKind("doubtful", "{0}", warns=True).remark("do not trust it")],
         tables=[text_table(COLUMNS, ITEMS), Table(title="Marks", columns=("a", "b"), rows=[("x", "–")])],
         notes=["it is synthetic"],
     )

@@ -29,7 +29,6 @@ class Summary:
 
     title: str
     facts: Sequence[tuple[str, str]] = ()
-    cautions: Sequence[str] = ()
     remarks: Sequence[Remark] = ()
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
@@ -50,9 +49,9 @@ class Summary:
 
     @property
     def sentences(self) -> Sequence[str]:
-        """Remarks, and notes."""
-        cautions = [f"warning: {caution}" for caution in self.cautions]
-        return [*cautions, *(remark.in_words for remark in self.remarks), *filter(None, self.notes)]
+        """Remarks, warnings first, and notes."""
+        warnings_first = sorted(self.remarks, key=lambda remark: remark.severity != "warning")
+        return [*(remark.in_words for remark in warnings_first), *filter(None, self.notes)]
 
     def text(self, *, whole: bool = False, width: int | None = None) -> str:
         """For one screen of a terminal; `whole` for all rows, and lines of any length, or of tables at most `width`."""
