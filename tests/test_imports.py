@@ -190,8 +190,8 @@ def test_modules_import_each_other_in_no_circle() -> None:
     assert len(list(order.static_order())) == len(trees)
 
 
-def test_only_verbs_are_loaded_by_name() -> None:
-    """The door names the verbs, which stand beside it."""
+def test_only_verbs_and_figures_are_loaded_by_name() -> None:
+    """The door names the verbs, which stand beside it, and the package the figures of results."""
     by_name = {
         (name.removeprefix("mrwork."), constant.value)
         for name, tree in modules().items()
@@ -200,4 +200,4 @@ def test_only_verbs_are_loaded_by_name() -> None:
         for constant in ast.walk(call)
         if isinstance(constant, ast.Constant) and str(constant.value).startswith("mrwork")
     }
-    assert by_name == {("cli.door", "mrwork.cli.")}
+    assert by_name == {("cli.door", "mrwork.cli."), ("__init__", "mrwork.plots.accessor")}

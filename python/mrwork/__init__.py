@@ -11,9 +11,10 @@ from mrwork.base.plotted import Plotted as _Plotted
 
 def _figures_of(result: _Plotted) -> object:
     """Figures of the result, the functions of `mr.plots` that take it."""
-    from mrwork.plots.accessor import Plots
+    # By name, because modules that import the package for its binary would seem to import figures with it.
+    from importlib import import_module
 
-    return Plots(result)
+    return import_module("mrwork.plots.accessor").Plots(result)
 
 
 _Plotted.plot = property(_figures_of)
