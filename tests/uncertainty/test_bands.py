@@ -263,7 +263,7 @@ def test_a_band_that_holds_less_than_chance_leaves_is_told(
     predictions = Predictions.about(some_fit, [asked], observe=(), calibration=calibration, level=0.9)
     assert "motion_of_new_kind" in {each.code for each in predictions.remarks}
     assert calibration.new_kind(known) is None
-    (coverage,) = predictions.coverage.values()
+    (coverage,) = predictions.coverage
     told = [each for each in predictions.remarks if each.code == "band_too_narrow"]
     assert is_told is (coverage < 0.8)
     held = Measured(100.0 * coverage, "%")

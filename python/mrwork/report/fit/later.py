@@ -142,7 +142,7 @@ def bands_section(bands: StoredBands, unit: str) -> Section:
 
 def coverage_summary(bands: StoredBands, held_out: Predictions | None = None) -> str:
     """What the 90 % bands hold of tests kept for test, or else left out, a sentence; of few tests the extremes."""
-    shares = [] if held_out is None else [*held_out.coverage.values()]
+    shares = [] if held_out is None else [*held_out.coverage]
     tests = "kept for test"
     if not shares:
         shares, tests = [by_level[_LEVEL].samples.coverage for by_level in bands.by_test.values()], "left out"

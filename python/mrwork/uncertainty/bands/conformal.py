@@ -259,25 +259,15 @@ class Calibration(Summarised):
         )
 
     @checked
-    def least_by_chance(self, predictions: Sequence[Prediction], level: Level) -> tuple[float, ...]:
-        """Share of each test that its band holds at least, but for one in a hundred; 0 where there is no band.
+    def least_by_chance(self, prediction: Prediction, band: Band) -> float:
+        """Share of a test that its band holds at least, but for one in a hundred.
 
         It is that of the binomial distribution of the independent samples of the test, or what the tests of the
-        calibration leave for a further one, if that is less.
+        calibration leave for a further one by how each of them is held by the band of the others, if that is less.
         """
-        for_next = {kind: self._least_of_next(level, kind) for kind in (False, True)}
-        return tuple(
-            0.0
-            if (band := self.band(prediction, level)) is None
-            else min(_least_by_binomial(prediction, band), for_next[has_regular_cycles(prediction.test)])
-            for prediction in predictions
-        )
-
-    def _least_of_next(self, level: float, periodic: bool) -> float:
-        """What a further test is held at least, by how the tests are held by the band of the others."""
         import scipy  # slow to load
 
-        scores = self.scores.of(periodic=periodic)
+        scores, level = self.scores.of(periodic=has_regular_cycles(prediction.test)), band.level
         if len(scores) < _LEAST_TO_SCATTER:
             return 0.0
         others = [scores[:index] + scores[index + 1 :] for index in range(len(scores))]
@@ -286,7 +276,8 @@ class Calibration(Summarised):
             for own, rest in zip(scores, others, strict=True)
         ]
         deviation = float(np.std(held, ddof=1) * np.sqrt(1.0 + 1.0 / len(held)))
-        return max(float(np.mean(held) + scipy.special.stdtrit(len(held) - 1, _BY_CHANCE) * deviation), 0.0)
+        of_next = float(np.mean(held) + scipy.special.stdtrit(len(held) - 1, _BY_CHANCE) * deviation)
+        return max(min(of_next, _least_by_binomial(prediction, band)), 0.0)
 
     @property
     def basis(self) -> str:

@@ -146,15 +146,16 @@ class Predictions(Summarised):
         yield from (condition.condition for condition in map(self.fit.other_condition, tests) if condition)
 
     @property
-    def coverage(self) -> dict[str, float]:
+    def _held_out_bands(self) -> Iterator[tuple[Prediction, Band, float]]:
+        """Each test with a band that neither fit nor calibration has seen, and the share of it in the band."""
+        for prediction, used, pair in zip(self.predictions, self.used, self.bands, strict=False):
+            if prediction.seen is None and used is None and pair is not None:
+                yield prediction, pair[0], pair[1].coverage
+
+    @property
+    def coverage(self) -> tuple[float, ...]:
         """Share of the samples in its band, of each test with a band that neither fit nor calibration has seen."""
-        held_out = [prediction.test.label for prediction in self.held_out]
-        pairs = zip(self.predictions, self.bands, strict=True) if self.bands else ()
-        return {
-            each.test.label: pair[1].coverage
-            for each, pair in pairs
-            if pair is not None and each.test.label in held_out
-        }
+        return tuple(coverage for _, _, coverage in self._held_out_bands)
 
     def _about_bands(self, calibration: Calibration | None) -> Iterator[Remark]:
         """Predictions without a band, of another kind than the calibration, and held by less than chance leaves."""
@@ -162,14 +163,15 @@ class Predictions(Summarised):
             return
         found = (*map(calibration.test_to_run, self.predictions), calibration.new_kind(self.predictions))
         yield from filter(None, found)
-        coverage, chances = self.coverage, calibration.least_by_chance(self.predictions, self.level)
-        least = {each.test.label: share for each, share in zip(self.predictions, chances, strict=True)}
-        if short := [label for label in coverage if coverage[label] < least[label]]:
-            worst = min(short, key=lambda label: coverage[label])
-            shares = {"level": 100.0 * self.level, "least": 100.0 * least[worst]}
-            counts = {"short": len(short), "tests": len(coverage)}
-            held = Measured(100.0 * coverage[worst], "%")
-            yield _TOO_NARROW.remark(worst, measured=held, **shares, **counts)
+        shares = [
+            (coverage, calibration.least_by_chance(prediction, band), prediction.test.label)
+            for prediction, band, coverage in self._held_out_bands
+        ]
+        if short := [share for share in shares if share[0] < share[1]]:
+            coverage, least, label = min(short)
+            numbers = {"level": 100.0 * self.level, "least": 100.0 * least}
+            counts = {"short": len(short), "tests": len(shares)}
+            yield _TOO_NARROW.remark(label, measured=Measured(100.0 * coverage, "%"), **numbers, **counts)
 
     @property
     def sets_apart(self) -> str:
