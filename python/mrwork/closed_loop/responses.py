@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, Final, Literal, cast
+from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,14 @@ from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
-from mrwork.base.remark import Measured, Remark, RemarkKind
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import BOTH_UNITS, commanded, joined_units
 from mrwork.buildings.matrices import Building, Device
-from mrwork.dampers.spec import LawLimit, worst_laws
-from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
+from mrwork.dampers.spec import LAW_BEYOND, worst_laws
+from mrwork.dampers.tested_range import OperatingRange, Outside, least_stroke, outside_remark, worst_of
 from mrwork.errors import SettingError, UnknownNameError
 
 ENERGY_TOLERANCE = 1e-6
@@ -219,27 +219,6 @@ class History(Plotted, Labelled, WithAxes, Summarised):
         )
 
 
-_BEYOND_TESTS: Final = RemarkKind("demand_beyond_tests", "{demand}: {0}{runs}", warns=True)
-_BEYOND_RATING: Final = RemarkKind("demand_beyond_rating", "{demand}: {0}{runs}", warns=True)
-_LAW_OUT: Final = RemarkKind("law_inadmissible", "{limit}", warns=True)
-
-
-def beyond_remark(beyond: Exceedance, damper: str, runs: str = "") -> Remark:
-    """Warn of a demand on a damper, which is named with its worst run, and say in how many `runs`."""
-    kind, measured = (
-        (_BEYOND_RATING if beyond.rated else _BEYOND_TESTS),
-        Measured(beyond.demanded, beyond.unit),
-    )
-    return kind.remark(damper, beyond.quantity, measured=measured, demand=beyond.in_words, runs=runs)
-
-
-def law_remarks(limits: Iterable[LawLimit]) -> Iterator[Remark]:
-    """Warn of each parameter whose law leaves its admissible range, where it is farthest from it."""
-    for limit in worst_laws(limits):
-        measured = Measured(limit.value, limit.unit)
-        yield _LAW_OUT.remark(limit.parameter, measured=measured, limit=limit.in_words)
-
-
 @array_dataclass(repr=False)
 class Responses(Plotted, Labelled, WithAxes, Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
@@ -345,8 +324,9 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
             for number, device in enumerate(self.devices)
             for run in self._extreme(finished, number)
         ]
-        worst = (beyond_remark(exceedance, name) for exceedance, name, _ in worst_of(cases))
-        return (*worst, *law_remarks(limit for _, case in cases for limit in case.laws))
+        worst = (outside_remark(exceedance, f", {name}") for exceedance, name, _ in worst_of(cases))
+        limits = worst_laws(limit for _, case in cases for limit in case.laws)
+        return (*worst, *(limit.remark(LAW_BEYOND) for limit in limits))
 
     def _least_stroke(self, run: int, device: int) -> float | None:
         return None if self.histories is None else least_stroke(self.histories[run].deformation[:, device])

@@ -50,6 +50,7 @@ _DISPLAYED: dict[str, tuple[str, float, str]] = {
 }
 _NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
 _OUTSIDE = RemarkKind("outside_tested_range", "{demand}{where}", "test there before you rely on it")
+_BEYOND_RATING = RemarkKind("demand_beyond_rating", "{demand}{where}", warns=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -228,9 +229,10 @@ class OperatingRange(Summarised):
 
 
 def outside_remark(exceedance: Exceedance, where: str = "") -> Remark:
-    """The warning of a demand outside a tested range, and `where` it is the worst of several."""
+    """The warning of a demand outside a tested or rated range, and `where` it is the worst of several."""
     demanded = Measured(exceedance.demanded, exceedance.unit)
-    return _OUTSIDE.remark(exceedance.quantity, measured=demanded, demand=exceedance.in_words, where=where)
+    kind = _BEYOND_RATING if exceedance.rated else _OUTSIDE
+    return kind.remark(exceedance.quantity, measured=demanded, demand=exceedance.in_words, where=where)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -19,9 +19,10 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import ratio
-from mrwork.closed_loop.responses import beyond_remark, demand_of, law_remarks
+from mrwork.closed_loop.responses import demand_of
 from mrwork.control.weights.limits import sine_force
-from mrwork.dampers.tested_range import Outside, worst_of
+from mrwork.dampers.spec import LAW_BEYOND, worst_laws
+from mrwork.dampers.tested_range import Outside, outside_remark, worst_of
 from mrwork.study.results import DeviceDemand, StudyResults
 from mrwork.study.runs import Runs
 from mrwork.study.storeys import storey_remarks
@@ -69,8 +70,8 @@ def _beyond(results: StudyResults) -> Iterator[Remark]:
         limits += [limit for demand in demands for limit in demand.outside.laws]
     n_runs = sum(map(bool, results.demanded.values()))
     for worst, label, count in worst_of(every):
-        yield beyond_remark(worst, label, f", in {count} of {n_runs} runs with dampers")
-    yield from law_remarks(limits)
+        yield outside_remark(worst, f", {label}, in {count} of {n_runs} runs with dampers")
+    yield from (limit.remark(LAW_BEYOND) for limit in worst_laws(limits))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
