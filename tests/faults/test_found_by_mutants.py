@@ -79,8 +79,8 @@ def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> 
 
 
 MATLAB_5 = b"MATLAB 5.0 MAT-file".ljust(124, b" ") + struct.pack("<H", 0x0100) + b"IM"
-# Memory that a reader takes at most, beyond the largest file.
-MOST_MEMORY = 600 << 20
+# Memory that a reader takes at most, beyond the largest file: three matrices of a building, unpacked and as arrays.
+MOST_MEMORY = 800 << 20
 LARGEST, MATRIX = 1 << 29, 256 << 20
 ROWS = "".join(f"{0.01 * row:.2f},{row % 7},{row % 5}\n" for row in range(10_000)).encode()
 
