@@ -6,20 +6,20 @@ import re
 import sys
 import unicodedata
 from dataclasses import replace
+from operator import itemgetter
 
 import pytest
 
 from mrwork.base.numbers import format_rate
 from mrwork.base.remark import RemarkKind
 from mrwork.base.summary import Summary
-from mrwork.base.table import TableColumn, csv_text, page_table, text_table
+from mrwork.base.table import Column, Table, as_json, csv_text
 from mrwork.errors import MrworkWarning, RecordError, escape_text, escaped_lines
-from mrwork.report.section import Table
 
 COLUMNS = (
-    TableColumn(heading="test", cell=lambda each: each[0]),
-    TableColumn(heading="peak force", unit="N", cell=lambda each: each[1]),
-    TableColumn(heading="remark", cell=lambda each: each[2]),
+    Column("", "test", of=itemgetter(0)),
+    Column("", "peak force", "N", of=itemgetter(1)),
+    Column("", "remark", of=itemgetter(2)),
 )
 ITEMS = (("k_w <1>", "12.5", ""), ("slow", "3", "at 5 %"))
 
@@ -30,21 +30,26 @@ def test_a_rate_has_three_digits_and_the_next_prefix_from_a_thousand_on() -> Non
 
 
 def test_the_unit_of_a_column_is_in_the_headings_of_every_medium() -> None:
-    text, page = text_table(COLUMNS, ITEMS), page_table("Tests", COLUMNS, ITEMS)
-    assert text.columns == ("test", "peak force [N]", "remark")
-    assert page.columns == ("Test", "Peak force (N)", "Remark")
-    assert text.rows == page.rows
+    table = Table.of(COLUMNS, ITEMS)
+    assert re.split(" {2,}", table.lines()[0]) == ["test", "peak force [N]", "remark"]
+    assert re.findall(">([^<>]+)</th>", table.html())[:3] == ["Test", "Peak force (N)", "Remark"]
 
 
-def test_a_page_leaves_out_what_is_empty_in_every_row() -> None:
-    items = [("a", "1", ""), ("b", "2", "–")]
-    table = replace(text_table(COLUMNS, items), foot=("all", "3", "")).filled
-    assert (table.columns, table.foot) == (("test", "peak force [N]"), ("all", "3"))
-    assert page_table("Tests", COLUMNS, items).columns == ("Test", "Peak force (N)")
+def test_a_table_leaves_out_what_is_empty_in_every_row() -> None:
+    table = Table.of(COLUMNS, [("a", "1", ""), ("b", "2", "–")])
+    assert (table.columns, table.units) == (("test", "peak force"), ("", "N"))
+    assert replace(table, foot=("all", "3")).filled.foot == ("all", "3")
+
+
+def test_a_column_takes_its_value_by_its_key_and_shows_its_digits() -> None:
+    columns = (Column("real", "x", "m", shown=3), Column("imag", words="y"), Column("", "z", of=abs, shown=2))
+    assert Table.of(columns, [3.14159 + 4.0j]).rows == (("3.14", "5.1"),)
+    assert as_json(columns, 1.5 + 2.0j) == {"real": 1.5, "imag": 2.0}
+    assert Table.of([Column("real", "x")], [1.234e-9 + 0j]).lines()[1] == "1.234e-09"
 
 
 def test_lines_are_aligned_with_numbers_to_the_right() -> None:
-    assert text_table(COLUMNS, ITEMS).lines("  ") == [
+    assert Table.of(COLUMNS, ITEMS).lines("  ") == [
         "  test     peak force [N]  remark",
         "  k_w <1>            12.5",
         "  slow                  3  at 5 %",
@@ -52,7 +57,7 @@ def test_lines_are_aligned_with_numbers_to_the_right() -> None:
 
 
 def test_a_page_escapes_its_cells_and_names_the_table_for_screen_readers() -> None:
-    html = page_table("Tests & more", COLUMNS, ITEMS, note="see `mrwork plan`").html()
+    html = Table.of(COLUMNS, ITEMS, label="Tests & more", note="see `mrwork plan`").html()
     assert 'aria-label="Tests &amp; more"' in html
     assert "k_<wbr>w &lt;1&gt;" in html
     assert "<code>mrwork plan</code>" in html
@@ -73,7 +78,7 @@ def test_a_summary_has_remarks_before_notes_and_every_table_in_each_medium() -> 
         title="Result",
         facts=[("error", "3 N"), ("none", "")],
         remarks=[RemarkKind("doubtful", "{0}", warns=True).remark("do not trust it")],
-        tables=[text_table(COLUMNS, ITEMS), Table(title="Marks", columns=("a", "b"), rows=[("x", "–")])],
+        tables=[Table.of(COLUMNS, ITEMS), Table(title="Marks", columns=("a", "b"), rows=[("x", "–")])],
         notes=["it is synthetic"],
     )
     text = summary.text(whole=True).splitlines()
@@ -81,7 +86,7 @@ def test_a_summary_has_remarks_before_notes_and_every_table_in_each_medium() -> 
     assert text[-2:] == ["  warning: do not trust it", "  it is synthetic"]
     # A column without an entry is left out, whatever stands for none.
     assert [text[7], text[8], text[9]] == ["  Marks", "  a", "  x"]
-    for words in ("3 N", "peak force", "Marks", "warning: do not trust it"):
+    for words in ("3 N", "Peak force", "Marks", "warning: do not trust it"):
         assert words in summary.html()
 
 

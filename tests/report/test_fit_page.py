@@ -420,11 +420,11 @@ def test_each_class_of_amplitudes_has_its_own_error() -> None:
     section = amplitude_section([with_error(0.038, 10.0), with_error(0.002, 40.0), with_error(0.0021, 40.0)])
     found = rows(section)
     assert list(found) == ["2 to 2.1 mm", "38 mm", "all"]
-    assert found["38 mm"]["RMSE (N)"] == "10.0"
-    assert found["2 to 2.1 mm"]["RMSE (N)"] == "40.0"
+    assert found["38 mm"]["RMSE"] == "10.0"
+    assert found["2 to 2.1 mm"]["RMSE"] == "40.0"
     # Seven and a half cycles from the first reversal on, of each test.
-    assert [each["Half cycles"] for each in found.values()] == ["30", "15", "45"]
-    assert float(found["all"]["RMSE (N)"]) == pytest.approx(np.sqrt((10.0**2 + 2 * 40.0**2) / 3), abs=0.06)
+    assert [each["half cycles"] for each in found.values()] == ["30", "15", "45"]
+    assert float(found["all"]["RMSE"]) == pytest.approx(np.sqrt((10.0**2 + 2 * 40.0**2) / 3), abs=0.06)
     assert "in those of 2 to 2.1 mm" in section.summary
     (group,) = amplitude_section([with_error(0.038, 10.0), with_error(0.002, 40.0)]).groups
     (sentence,) = group.prose
@@ -440,7 +440,7 @@ def test_samples_that_are_not_compared_do_not_count() -> None:
     error[500:700] = 1e6
     test = replace(found.test, uncompared=((500, 700),))
     (row,) = rows(amplitude_section([replace(found, test=test, model_force=test.force - error)])).values()
-    assert row["RMSE (N)"] == "10.0"
+    assert row["RMSE"] == "10.0"
 
 
 @pytest.mark.contract

@@ -7,7 +7,7 @@ the two is called, and nowhere else but for the files of a posterior and the poi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.base.table import Column
 from mrwork.base.values import array_dataclass
 
 if TYPE_CHECKING:
@@ -129,13 +130,14 @@ class WithAxes:
         return self._named_arrays().to_pandas()
 
 
-def columns_of(
-    records: Sequence[object], axis: str, declared: Mapping[str, tuple[str, str]]
-) -> dict[str, NamedArray]:
-    """Fields of records of one class, each over the axis, with the unit and the words that are declared for it."""
+def columns_of(rows: Sequence[object], axis: str, columns: Iterable[Column]) -> dict[str, NamedArray]:
+    """The columns that say in words what they are, each an array over the axis of the rows."""
     return {
-        name: NamedArray.of([getattr(record, name) for record in records], axis, unit=unit, long_name=words)
-        for name, (unit, words) in declared.items()
+        column.key: NamedArray.of(
+            [column.value(row) for row in rows], axis, unit=column.unit, long_name=column.words
+        )
+        for column in columns
+        if column.words
     }
 
 

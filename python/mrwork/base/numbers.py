@@ -6,6 +6,7 @@ The last three write the plain numbers of a terminal, with a hyphen where there 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 
 MINUS = "\N{MINUS SIGN}"
@@ -15,6 +16,7 @@ NOTHING = "\N{EN DASH}"
 
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_POWER = re.compile(" × 10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
 _PLAIN_SIGNS = str.maketrans({MINUS: "-", NOTHING: "-", _THIN_SPACE: None})
 
 # Numbers between these powers of ten are written without a power of ten.
@@ -79,10 +81,8 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
 
 
 def in_plain(text: str) -> str:
-    """A formatted number in the characters of every terminal, as -1.2e-09."""
-    head, times, power = text.partition(" × 10")
-    exponent = f"e{int(power.translate(_DIGITS)):+03d}" if times else ""
-    return head.translate(_PLAIN_SIGNS) + exponent
+    """Text whose numbers are in the characters of every terminal, as -1.2e-09."""
+    return _POWER.sub(lambda power: f"e{int(power[1].translate(_DIGITS)):+03d}", text).translate(_PLAIN_SIGNS)
 
 
 def leading_exponent(value: float, digits: int) -> int:

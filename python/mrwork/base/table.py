@@ -11,44 +11,61 @@ import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from typing import Any
 
 import markupsafe
 
-from mrwork.base.numbers import MINUS, NOTHING
+from mrwork.base.numbers import NOTHING, in_plain, significant
 from mrwork.errors import escape_text
 
-# In the characters that every terminal has.
-_PLAIN = str.maketrans({MINUS: "-", NOTHING: "-", "²": "2"})
 
+@dataclass(frozen=True, slots=True)
+class Column:
+    """What every row of a result has, declared once for its tables, its JSON, its arrays and its page.
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TableColumn:
-    """A column: its heading, the unit of its cells, and the cell of an item.
-
-    A result declares its columns once: `key` is the attribute of an item and its name in JSON and in arrays, where
-    `long_name` says in words what it is. A column without a heading is in no table, one without a key in tables alone.
+    `key` is the name in JSON and arrays, and the attribute of a row unless `of` takes the value. A column without a
+    heading is in no table, one without `words`, which say what it is, in no arrays. `shown` is the text of a value, or
+    how many significant digits a number has.
     """
 
-    heading: str = ""
-    cell: Callable[[Any], str] = str
-    unit: str = ""
     key: str = ""
-    long_name: str = ""
+    heading: str = ""
+    unit: str = ""
+    words: str = ""
+    shown: Callable[[Any], str] | int = 4
+    of: Callable[[Any], Any] | None = None
+
+    def value(self, row: Any) -> Any:
+        """The value of a row."""
+        return self.of(row) if self.of else getattr(row, self.key)
+
+    def cell(self, row: Any) -> str:
+        """The value of a row as text."""
+        value = self.value(row)
+        if not isinstance(self.shown, int):
+            return self.shown(value)
+        return significant(value, self.shown) if isinstance(value, float | None) else str(value)
+
+
+def as_json(columns: Iterable[Column], row: Any) -> dict[str, Any]:
+    """The values of a row by the keys of the columns."""
+    return {column.key: column.value(row) for column in columns if column.key}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Table:
     """Text or markup in rows; the first column names the row, others are of numbers or of words, as their cells are.
 
-    A table has a `title` above it, or a `label` for screen readers only; a `note` stands below. `over` are headings
-    above the columns, each with the number of columns that it spans; `headings` are headings above rows, by the number
-    of the row; `foot` is a last row. `strong` are the cells (row, column) in bold, `alarming` those in the colour of
-    warnings.
+    The units of the columns, where they are given, stand behind the headings as the medium writes them. A table has a
+    `title` above it, or a `label` for screen readers only; a `note` stands below. `over` are headings above the
+    columns, each with the number of columns that it spans; `headings` are headings above rows, by the number of the
+    row; `foot` is a last row. `strong` are the cells (row, column) in bold, `alarming` those in the colour of warnings.
     """
 
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
+    units: Sequence[str] = ()
     title: str = ""
     label: str = ""
     foot: tuple[str, ...] = ()
@@ -57,6 +74,18 @@ class Table:
     strong: frozenset[tuple[int, int]] = frozenset()
     alarming: frozenset[tuple[int, int]] = frozenset()
     headings: Mapping[int, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, columns: Iterable[Column], rows: Iterable[Any], *, label: str = "", note: str = "") -> Table:
+        """A table with a row for each item, of the columns that have a heading and an entry in some row."""
+        shown = [column for column in columns if column.heading]
+        return cls(
+            columns=[column.heading for column in shown],
+            units=[column.unit for column in shown],
+            rows=[[column.cell(row) for column in shown] for row in rows],
+            label=label,
+            note=note,
+        ).filled
 
     @property
     def filled(self) -> Table:
@@ -68,6 +97,7 @@ class Table:
         return replace(
             self,
             columns=tuple(self.columns[number] for number in numbers),
+            units=tuple(self.units[number] for number in numbers) if self.units else (),
             rows=tuple(tuple(row[number] for number in numbers) for row in self.rows),
             foot=tuple(self.foot[number] for number in numbers) if self.foot else (),
         )
@@ -79,7 +109,8 @@ class Table:
         """
         inset = "  " if self.headings else ""
         rows = [(f"{inset}{row[0]}", *row[1:]) for row in self.rows]
-        cells = [self.columns, *rows, *([self.foot] if self.foot else [])]
+        heads = self._heads(" [{}]")
+        cells = [heads, *rows, *([self.foot] if self.foot else [])]
         count = len(self.columns)
         lines = _align_rows(cells)
         while width is not None and count > 2 and max(map(len, lines)) > width:
@@ -94,12 +125,16 @@ class Table:
                 start = sum(2 + max(len(row[index]) for row in cells) for index in range(column))
                 over = f"{over:<{start}}{text if column else ''}  "
             column += span
-        left_out = ", ".join(self.columns[count:])
+        left_out = ", ".join(heads[count:])
         notes = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
         return [
-            f"{indent}{line}".translate(_PLAIN)
+            f"{indent}{line}".replace("²", "2")
             for line in (*filter(str.strip, [over.rstrip()]), *lines, *notes)
         ]
+
+    def _heads(self, with_unit: str) -> list[str]:
+        pairs = zip_longest(self.columns, self.units, fillvalue="")
+        return [f"{heading}{with_unit.format(unit) if unit else ''}" for heading, unit in pairs]
 
     def __repr__(self) -> str:
         return "\n".join(filter(None, (self.title, *self.lines("  "), self.note)))
@@ -107,6 +142,10 @@ class Table:
     def html(self) -> str:
         """The table for a page, in a region that scrolls."""
         words = _columns_in_words(self.rows)
+
+        def capital(text: str) -> str:
+            """A heading that was declared in small letters, as it begins a column."""
+            return f"{text[:1].upper()}{text[1:]}" if self.units else text
 
         def kind(column: int, row: int | None = None, text: str = "") -> str:
             """Attribute of a cell in a column, and in a row unless it is a heading or of the foot."""
@@ -133,8 +172,8 @@ class Table:
             spans = (f'<th scope="colgroup" colspan="{n}">{_heading(text)}</th>' for text, n in self.over)
             lines.append(f'<tr class="over">{"".join(spans)}</tr>')
         heads = (
-            f'<th scope="col"{kind(column) if column else ""}>{_heading(text)}</th>'
-            for column, text in enumerate(self.columns)
+            f'<th scope="col"{kind(column) if column else ""}>{_heading(capital(text))}</th>'
+            for column, text in enumerate(self._heads(" ({})"))
         )
         lines += [f"<tr>{''.join(heads)}</tr></thead>", "<tbody>"]
         for row, cells in enumerate(self.rows):
@@ -155,31 +194,6 @@ class Table:
     _repr_html_ = html
 
 
-def declared(columns: Sequence[TableColumn]) -> dict[str, tuple[str, str]]:
-    """Unit and words of the columns that are arrays, as `columns_of` takes them."""
-    return {column.key: (column.unit, column.long_name) for column in columns if column.long_name}
-
-
-def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
-    """A table for a terminal, with a row for each item."""
-    columns = [column for column in columns if column.heading]
-    return Table(
-        columns=tuple(
-            f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in columns
-        ),
-        rows=tuple(tuple(column.cell(item) for column in columns) for item in items),
-    )
-
-
-def page_table(label: str, columns: Sequence[TableColumn], items: Iterable[Any], *, note: str = "") -> Table:
-    """A table for a page, with a row for each item, without the columns that are empty in every row."""
-    shown = [
-        (column.heading, f" ({column.unit})" if column.unit else "") for column in columns if column.heading
-    ]
-    headings = tuple(f"{heading[:1].upper()}{heading[1:]}{unit}" for heading, unit in shown)
-    return replace(text_table(columns, items), label=label, columns=headings, note=note).filled
-
-
 def csv_text(rows: Iterable[Sequence[str]]) -> str:
     """Rows as the text of a CSV file; the first has the headings."""
     target = io.StringIO()
@@ -189,7 +203,7 @@ def csv_text(rows: Iterable[Sequence[str]]) -> str:
 
 def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
-    rows = [[escape_text(cell) for cell in row] for row in rows]
+    rows = [[in_plain(escape_text(cell)) for cell in row] for row in rows]
     columns = list(zip(*rows, strict=True))
     words = _columns_in_words(rows[1:])
     widths = [max(map(len, column)) for column in columns]

@@ -15,7 +15,7 @@ from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_err
 from mrwork.base.plotted import Plotted
 from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary, list_names, named
-from mrwork.base.table import TableColumn, declared, text_table
+from mrwork.base.table import Column, Table, as_json
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.laws import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
@@ -554,35 +554,28 @@ class Fit(Plotted, WithAxes, Summarised):
         )
 
     @property
-    def _columns(self) -> tuple[TableColumn, ...]:
+    def _columns(self) -> tuple[Column, ...]:
         """What the parameters have in tables, in JSON and in arrays."""
-        by_interval = self.intervals is not None
+
+        def in_words(estimate: FittedParameter) -> tuple[str, str]:
+            return estimate.in_words(by_interval=self.intervals is not None)
+
         return (
-            TableColumn(heading="parameter", cell=attrgetter("name")),
-            TableColumn(
-                heading="value",
-                cell=lambda estimate: estimate.in_words(by_interval=by_interval)[0],
-                key="value",
-                long_name="value of the fit",
-            ),
-            TableColumn(
-                heading=self.uncertainty_heading,
-                cell=lambda estimate: estimate.in_words(by_interval=by_interval)[1],
-                key="standard_error",
-                long_name="standard error",
-            ),
-            TableColumn(heading="unit", cell=attrgetter("unit"), key="unit"),
-            TableColumn(key="lower", long_name="lower bound"),
-            TableColumn(key="upper", long_name="upper bound"),
-            TableColumn(key="state"),
-            TableColumn(
-                heading="verdict", cell=attrgetter("verdict"), key="verdict", long_name="identifiability"
-            ),
-            TableColumn(heading="reason", cell=attrgetter("reason"), key="reason"),
+            Column("", "parameter", of=attrgetter("name")),
+            Column("", "value", of=lambda estimate: in_words(estimate)[0]),
+            Column("", self.uncertainty_heading, of=lambda estimate: in_words(estimate)[1]),
+            Column("value", words="value of the fit"),
+            Column("standard_error", words="standard error"),
+            Column("unit", "unit"),
+            Column("lower", words="lower bound"),
+            Column("upper", words="upper bound"),
+            Column("state"),
+            Column("verdict", "verdict", words="identifiability"),
+            Column("reason", "reason"),
         )
 
     def _named_arrays(self) -> NamedArrays:
-        parameters = columns_of(self.estimates, "parameter", declared(self._columns))
+        parameters = columns_of(self.estimates, "parameter", self._columns)
         ends = {
             f"interval_{end}": NamedArray.of(
                 [
@@ -594,7 +587,7 @@ class Fit(Plotted, WithAxes, Summarised):
             )
             for end in (() if self.intervals is None else ("lower", "upper"))
         }
-        tests = columns_of(self.quality, "test", declared(_QUALITY))
+        tests = columns_of(self.quality, "test", _QUALITY)
         search = {
             f"search_{name}": NamedArray.of(getattr(self.trace, name), "generation", long_name=words)
             for name, words in (
@@ -611,13 +604,8 @@ class Fit(Plotted, WithAxes, Summarised):
                 "test": NamedArray.of([quality.test for quality in self.quality]),
                 "generation": NamedArray.of(range(len(self.trace.best))),
             },
-            along=columns_of(self.estimates, "parameter", {"unit": ("", "unit of the parameter")}),
-            arrays={
-                **parameters,
-                **ends,
-                **tests,
-                **search,
-            },
+            along=columns_of(self.estimates, "parameter", [Column("unit", words="unit of the parameter")]),
+            arrays={**parameters, **ends, **tests, **search},
         )
 
     @property
@@ -638,10 +626,10 @@ class Fit(Plotted, WithAxes, Summarised):
 
     def document(self) -> dict[str, Any]:
         """What `mrwork identify --json` prints; `files` name each test as `test` and, as `predict` does, as `file`."""
-        spread, keys = self.spread, [column.key for column in self._columns if column.key]
+        spread = self.spread
         return {
             "model": self.model,
-            "parameters": {estimate.name: named(estimate, *keys) for estimate in self.fitted},
+            "parameters": {estimate.name: as_json(self._columns, estimate) for estimate in self.fitted},
             "uncertainty": self.uncertainty_heading,
             "current_laws": None if self.current is None else asdict(self.current),
             "directions": [asdict(direction) for direction in self.directions],
@@ -663,8 +651,8 @@ class Fit(Plotted, WithAxes, Summarised):
 
     def _summary(self) -> Summary:
         on_tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
-        tables = [text_table(self._columns, self.fitted)]
-        tables += [text_table(_QUALITY, self.quality)] if len(self.quality) > 1 else []
+        tables = [Table.of(self._columns, self.fitted)]
+        tables += [Table.of(_QUALITY, self.quality)] if len(self.quality) > 1 else []
         return Summary(
             title=f"Fit of {self.model}{on_tests}: {self.fit_percent:.2f} %, {self.status_in_words}",
             facts=(
@@ -683,28 +671,11 @@ class Fit(Plotted, WithAxes, Summarised):
 
 # What the tests of a fit have in tables and in arrays.
 _QUALITY = (
-    TableColumn(heading="test", cell=attrgetter("test")),
-    TableColumn(
-        heading="fit",
-        cell=lambda quality: f"{quality.fit_percent:.2f}",
-        unit="%",
-        key="fit_percent",
-        long_name="fit",
-    ),
-    TableColumn(unit="1", key="nrmse", long_name="error over the standard deviation of the force"),
-    TableColumn(
-        heading="RMSE",
-        cell=lambda quality: f"{quality.rmse_n:.4g}",
-        unit="N",
-        key="rmse_n",
-        long_name="root mean square error",
-    ),
-    TableColumn(unit="1", key="residual_autocorrelation", long_name="autocorrelation of the residual"),
-    TableColumn(unit="1", key="n_time", long_name="samples that are compared"),
-    TableColumn(
-        heading="the model force",
-        cell=attrgetter("recorded_in_words"),
-        key="recorded_in_words",
-        long_name="what the record adds to the model's force",
-    ),
+    Column("test", "test"),
+    Column("fit_percent", "fit", "%", "fit", shown=lambda value: f"{value:.2f}"),
+    Column("nrmse", unit="1", words="error over the standard deviation of the force"),
+    Column("rmse_n", "RMSE", "N", "root mean square error"),
+    Column("residual_autocorrelation", unit="1", words="autocorrelation of the residual"),
+    Column("n_time", unit="1", words="samples that are compared"),
+    Column("recorded_in_words", "the model force", words="what the record adds to the model's force"),
 )

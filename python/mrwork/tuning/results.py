@@ -23,7 +23,7 @@ from mrwork.base.numbers import (
 from mrwork.base.plotted import Plotted
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.errors import SettingError
 from mrwork.study.damper_size import BEST_AT_LARGEST
@@ -259,11 +259,11 @@ class TuningResults(Plotted, WithAxes, Summarised):
 
     def _named_arrays(self) -> NamedArrays:
         laws = (*self.laws, *self.references)
-        numbers = {
-            "least": ("1", "objective on the training motions"),
-            "violation": ("1", "excess of the limits, relative to these"),
-            "candidates": ("1", "candidates"),
-        }
+        numbers = (
+            Column("least", unit="1", words="objective on the training motions"),
+            Column("violation", unit="1", words="excess of the limits, relative to these"),
+            Column("candidates", unit="1", words="candidates"),
+        )
         return NamedArrays(
             title=f"Tuning of {self.title}",
             rows=("law",),

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Threads, checked
 from mrwork.base.keys import suggestion
-from mrwork.base.numbers import of_unit, percent, significant
+from mrwork.base.numbers import of_unit, percent
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import TableColumn, text_table
+from mrwork.base.table import Column, Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
@@ -89,12 +89,12 @@ class Plan(Summarised):
 
     def _summary(self) -> Summary:
         columns = (
-            TableColumn(heading="test", cell=lambda row: row.candidate.in_words(self.command_unit)),
-            TableColumn(heading="variance reduction", unit="%", cell=lambda row: percent(row.gain)),
-            TableColumn(heading="deviation after the test", cell=lambda row: significant(row.deviation, 3)),
+            Column("candidate", "test", shown=lambda candidate: candidate.in_words(self.command_unit)),
+            Column("gain", "variance reduction", "%", shown=percent),
+            Column("deviation", "deviation after the test", shown=3),
         )
-        table = text_table(columns, self.gains[:_SHOWN])
         more = len(self.gains) - _SHOWN
+        table = Table.of(columns, self.gains[:_SHOWN], note=f"and {more} more" if more > 0 else "")
         return Summary(
             title=f"Next tests of {self.model}",
             facts=(
@@ -105,7 +105,7 @@ class Plan(Summarised):
                     f"{of_unit(self.gains[0].deviation, self.unit, 3)}, if the model is valid there",
                 ),
             ),
-            tables=[replace(table, note=f"and {more} more" if more > 0 else "")],
+            tables=[table],
             remarks=self.remarks,
             notes=[self.sentence],
         )

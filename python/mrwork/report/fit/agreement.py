@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 from typing import get_args
 
 import numpy as np
@@ -15,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrwork.base import numbers
-from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats
 from mrwork.dampers.tested_range import half_cycle_ends
 from mrwork.identification.fit import Fit, FitQuality
@@ -250,18 +249,16 @@ def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
         summary = f"RMSE over the RMS force of the half cycles, {', '.join(shares)}."
         rows.append(replace(_HalfCycles.of(every), in_words="all"))
     decimals = numbers.decimals_of([row.rmse_n for row in rows], 3)
-    table = page_table(
-        "Errors by amplitude of the half cycles",
+    table = Table.of(
         (
-            TableColumn(heading="amplitude", cell=attrgetter("in_words")),
-            TableColumn(heading="half cycles", cell=lambda row: numbers.format_fixed(row.count, 0)),
-            TableColumn(heading="samples", cell=lambda row: numbers.format_fixed(row.n_time, 0)),
-            TableColumn(
-                heading="RMSE", unit="N", cell=lambda row: numbers.format_fixed(row.rmse_n, decimals)
-            ),
-            TableColumn(heading="RMSE / RMS force", unit="%", cell=lambda row: numbers.percent(row.relative)),
+            Column("in_words", "amplitude"),
+            Column("count", "half cycles", shown=lambda count: numbers.format_fixed(count, 0)),
+            Column("n_time", "samples", shown=lambda count: numbers.format_fixed(count, 0)),
+            Column("rmse_n", "RMSE", "N", shown=lambda rmse: numbers.format_fixed(rmse, decimals)),
+            Column("relative", "RMSE / RMS force", "%", shown=numbers.percent),
         ),
         rows,
+        label="Errors by amplitude of the half cycles",
         note="The amplitude is half the displacement from one reversal to the next; the motion before the first "
         "reversal and after the last has none.",
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from statistics import NormalDist
 
 import numpy as np
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
 from mrwork.base.numbers import format_fixed, percent, shortest
-from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.base.table import Column, Table
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, draw_points, finish, finish_signed, legend
 from mrwork.plots.of_tests import residuals
@@ -134,29 +134,25 @@ def _origin(repeating: Sequence[float]) -> str:
 
 
 def _table(predictions: Sequence[Prediction], by_test: Sequence[ResidualTests]) -> Table:
-    def column(heading: str, cell: Callable[[ResidualTests], str], unit: str = "") -> TableColumn:
-        return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[1]))
-
-    return page_table(
-        "Tests of the residuals",
+    return Table.of(
         (
-            TableColumn(heading="test", cell=lambda row: name_of(row[0].test)),
-            column("lag-1 autocorr.", lambda of_test: format_fixed(of_test.lag_one, 3)),
-            column("Ljung-Box p", lambda of_test: _probability(of_test.ljung_box_p)),
-            column(
+            Column("", "test", of=lambda row: name_of(row[0].test)),
+            Column("", "lag-1 autocorr.", of=lambda row: format_fixed(row[1].lag_one, 3)),
+            Column("", "Ljung-Box p", of=lambda row: _probability(row[1].ljung_box_p)),
+            Column(
+                "",
                 "effective samples",
-                lambda of_test: (
-                    f"{format_fixed(of_test.n_effective, 0)} of {format_fixed(of_test.n_time, 0)}"
-                ),
+                of=lambda row: f"{format_fixed(row[1].n_effective, 0)} of {format_fixed(row[1].n_time, 0)}",
             ),
-            column("repeats each cycle", lambda of_test: percent(of_test.repeating), unit="%"),
-            column("RMS after steps / elsewhere", lambda of_test: _ratio(of_test.after_steps)),
-            column("RMS at reversals / elsewhere", lambda of_test: _ratio(of_test.at_reversals)),
-            column("Breusch-Pagan p", lambda of_test: _probability(of_test.breusch_pagan_p)),
-            column("RMS fast / slow", lambda of_test: format_fixed(of_test.fast_to_slow, 2)),
-            column("excess kurtosis", lambda of_test: format_fixed(of_test.excess, 1)),
+            Column("", "repeats each cycle", "%", of=lambda row: percent(row[1].repeating)),
+            Column("", "RMS after steps / elsewhere", of=lambda row: _ratio(row[1].after_steps)),
+            Column("", "RMS at reversals / elsewhere", of=lambda row: _ratio(row[1].at_reversals)),
+            Column("", "Breusch-Pagan p", of=lambda row: _probability(row[1].breusch_pagan_p)),
+            Column("", "RMS fast / slow", of=lambda row: format_fixed(row[1].fast_to_slow, 2)),
+            Column("", "excess kurtosis", of=lambda row: format_fixed(row[1].excess, 1)),
         ),
         zip(predictions, by_test, strict=True),
+        label="Tests of the residuals",
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
         "RMS after steps of the command, and at reversals of the motion: ratio of the RMS residuals there to that "
         f"elsewhere, in windows of {', '.join(map(str, WINDOWS))} samples, of those that differ most; "

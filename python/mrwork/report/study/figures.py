@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from operator import attrgetter
 from typing import get_args
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import counted, format_fixed, least_to_most, significant
-from mrwork.base.table import TableColumn, page_table
+from mrwork.base.table import Column, Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import History
@@ -239,13 +238,13 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
 
 
 _MOTIONS = (
-    TableColumn(heading="motion", cell=attrgetter("name")),
-    TableColumn(heading="use", cell=lambda facts: f"{facts.use}{', synthetic' if facts.synthetic else ''}"),
-    TableColumn(heading="groups", cell=lambda facts: ", ".join(facts.groups)),
-    TableColumn(heading="peak", cell=lambda facts: significant(facts.peak, 4), unit="m/s²"),
-    TableColumn(heading="duration", cell=lambda facts: significant(facts.duration, 4), unit="s"),
-    TableColumn(heading="source", cell=attrgetter("source")),
-    TableColumn(heading="changes", cell=lambda facts: "; ".join(facts.changes)),
+    Column("name", "motion"),
+    Column("", "use", of=lambda facts: f"{facts.use}{', synthetic' if facts.synthetic else ''}"),
+    Column("groups", "groups", shown=", ".join),
+    Column("peak", "peak", "m/s²"),
+    Column("duration", "duration", "s"),
+    Column("source", "source"),
+    Column("changes", "changes", shown="; ".join),
 )
 
 
@@ -266,11 +265,10 @@ def motion_section(results: StudyResults) -> Section:
         ends = least_to_most(motion.intensity.value / STANDARD_GRAVITY for motion in several)
         return f"{len(several)}, {first.intensity.name} {ends} g"
 
-    table, of = page_table("Ground motions", _MOTIONS, results.motions), ""
+    table, of = Table.of(_MOTIONS, results.motions, label="Ground motions"), ""
     if len(records) < len(results.motions):
-        record = TableColumn(heading="record", cell=attrgetter("record"))
-        columns = record, _MOTIONS[1], TableColumn(heading="levels", cell=levels), *_MOTIONS[4:6]
-        table = page_table("Records and their levels", columns, [first for first, *_ in records.values()])
+        columns = Column("record", "record"), _MOTIONS[1], Column("", "levels", of=levels), *_MOTIONS[4:6]
+        table = Table.of(columns, [first for first, *_ in records.values()], label="Records and their levels")
         of = f" of {counted(len(records), 'record')}"
     return Section(
         title="Ground motions",

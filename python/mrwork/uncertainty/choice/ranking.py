@@ -5,7 +5,7 @@ A candidate is a model with the laws of its parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from operator import attrgetter
@@ -18,7 +18,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_fixed
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.table import Table, TableColumn, declared, text_table
+from mrwork.base.table import Column, Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import CommandLaw, LawName
@@ -169,6 +169,11 @@ class Standing:
         return _with_error(self.left_out_percent, self.left_out_error)
 
     @property
+    def behind_in_words(self) -> str:
+        """The difference to the best, with its standard error."""
+        return _with_error(self.left_out_behind, self.left_out_behind_error)
+
+    @property
     def objection(self) -> str:
         """What speaks against a choice, in words."""
         return "; ".join(remark.message for remark in self.remarks)
@@ -196,51 +201,38 @@ def _with_error(value: float | None, error: float | None) -> str:
     return text if value is None or not error else f"{text} ± {format_fixed(error, 2)}"
 
 
-def _column(
-    key: str, long_name: str, heading: str = "", *, unit: str = "", cell: Callable[[Any], str] | None = None
-) -> TableColumn:
-    """A column of a ranking, by default of percentages."""
-    shown = cell or (lambda standing: format_fixed(getattr(standing, key), 2))
-    return TableColumn(key=key, long_name=long_name, heading=heading, unit=unit, cell=shown)
+def _percent(key: str, heading: str = "", *, words: str) -> Column:
+    """A column of percentages."""
+    return Column(key, heading, "%", words, shown=lambda value: format_fixed(value, 2))
 
 
 # What a ranking has for each candidate, in tables and in arrays.
 _COLUMNS = (
-    _column("model", "model", "model", cell=attrgetter("model")),
-    _column("title", "name in words"),
-    _column("verdict", "place in the ranking"),
-    _column("status", "how the identification ended"),
-    _column("same_as", "family whose fit it has"),
-    _column("n_params", "number of parameters", "parameters", cell=lambda standing: str(standing.n_params)),
-    _column("seconds", "time of the identifications", unit="s"),
-    _column("fit_percent", "fit to all tests", "fit", unit="%"),
-    _column(
-        "left_out_percent",
-        "fit to what was left out",
-        "left-out fit",
-        unit="%",
-        cell=attrgetter("left_out_in_words"),
-    ),
-    _column("left_out_error", "standard error of the fit to what was left out", unit="%"),
-    _column("inside_percent", "fit to what lies inside the tests that remained", "inside", unit="%"),
-    _column("outside_percent", "fit to what lies beyond the tests that remained", "beyond", unit="%"),
-    _column(
-        "left_out_behind",
-        "difference to the best in the fit to what was left out",
-        "behind",
-        unit="%",
-        cell=lambda standing: _with_error(standing.left_out_behind, standing.left_out_behind_error),
-    ),
-    _column("left_out_behind_error", "standard error of that difference", unit="%"),
-    _column("median_percent", "median fit of single tests left out", unit="%"),
-    _column("worst_percent", "worst fit of single tests left out", "worst", unit="%"),
-    TableColumn(heading="remark", cell=attrgetter("verdict_in_words")),
-    TableColumn(heading="laws", cell=attrgetter("laws_in_words"), key="laws"),
+    Column("model", "model", words="model"),
+    Column("title", words="name in words"),
+    Column("verdict", words="place in the ranking"),
+    Column("status", words="how the identification ended"),
+    Column("same_as", words="family whose fit it has"),
+    Column("n_params", "parameters", words="number of parameters"),
+    Column("seconds", unit="s", words="time of the identifications"),
+    _percent("fit_percent", "fit", words="fit to all tests"),
+    _percent("left_out_percent", words="fit to what was left out"),
+    Column("", "left-out fit", "%", of=attrgetter("left_out_in_words")),
+    _percent("left_out_error", words="standard error of the fit to what was left out"),
+    _percent("inside_percent", "inside", words="fit to what lies inside the tests that remained"),
+    _percent("outside_percent", "beyond", words="fit to what lies beyond the tests that remained"),
+    _percent("left_out_behind", words="difference to the best in the fit to what was left out"),
+    Column("", "behind", "%", of=attrgetter("behind_in_words")),
+    _percent("left_out_behind_error", words="standard error of that difference"),
+    _percent("median_percent", words="median fit of single tests left out"),
+    _percent("worst_percent", "worst", words="worst fit of single tests left out"),
+    Column("", "remark", of=attrgetter("verdict_in_words")),
+    Column("", "laws", of=attrgetter("laws_in_words")),
 )
 # The same of families that are screened.
 _SCREENED = [
-    *(column for column in _COLUMNS if column.key in ("model", "left_out_percent", "left_out_behind")),
-    _column("steps", "steps of 1 ms in a building", "steps", cell=lambda row: format_fixed(row.steps, 0)),
+    *(column for column in _COLUMNS if column.heading in ("model", "left-out fit", "behind")),
+    Column("steps", "steps of 1 ms in a building", words="steps", shown=lambda steps: format_fixed(steps, 0)),
     _COLUMNS[-2],
 ]
 
@@ -382,11 +374,9 @@ class Ranking(WithAxes, Summarised):
 
     def _named_arrays(self) -> NamedArrays:
         axis, labels = "model", NamedArray.of([standing.model for standing in self.standings])
-        columns = {name: words for name, words in declared(_COLUMNS).items() if name not in ("model", "laws")}
         laws = dict[str, NamedArray]()
         if self.unit is not None:
             axis, labels = "tried", NamedArray.of(range(len(self.standings)))
-            columns["model"] = ("", "model")
             laws = {
                 f"law_{name}": NamedArray.of(
                     [standing.laws.get(name, "constant") for standing in self.standings],
@@ -395,6 +385,8 @@ class Ranking(WithAxes, Summarised):
                 )
                 for name in dict.fromkeys(name for standing in self.standings for name in standing.laws)
             }
+        # The labels of the rows are no arrays.
+        columns = [column for column in _COLUMNS if column.key != axis]
         return NamedArrays(
             title=f"Choice of {self._what}: {self.chosen}",
             rows=(axis,),
@@ -422,21 +414,16 @@ class Ranking(WithAxes, Summarised):
     @property
     def table(self) -> Table:
         """The candidates; columns that are empty are left out, and so is the model where laws of one were tried."""
-        columns = []
-        for column in _COLUMNS:
-            cells = {column.cell(standing) for standing in self.standings} if column.heading else set()
-            is_model = column.key == "model" and self.unit is not None and self.n_models == 1
-            is_laws = column.key == "laws" and self.unit is None
-            if cells - {format_fixed(None, 2)} and not is_model and not is_laws:
-                columns.append(column)
-        return text_table(columns, self.standings)
+        # What says the same in every row is told elsewhere.
+        told = {"laws"} if self.unit is None else {"model"} if self.n_models == 1 else set()
+        return Table.of((column for column in _COLUMNS if column.heading not in told), self.standings)
 
     def _summary(self) -> Summary:
         provisional = ", provisional" if self.chosen_standing.verdict == "provisional" else ""
         return Summary(
             title=f"Choice of {self._what}: {self.chosen}{provisional}",
             facts=(("evaluated on", self.held_out),),
-            tables=[replace(text_table(_SCREENED, self.screened), title="Screened families"), self.table],
+            tables=[replace(Table.of(_SCREENED, self.screened), title="Screened families"), self.table],
             remarks=self.remarks,
             notes=(self.sentence,),
         )

@@ -17,12 +17,12 @@ import numpy as np
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
-from mrwork.base.numbers import format_rounded, of_unit
+from mrwork.base.numbers import of_unit, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
@@ -47,6 +47,12 @@ from mrwork.uncertainty.identifiability.walks import (
 
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"
+
+
+def _end_in_words(end: float | None) -> str:
+    return "open" if end is None else significant(end, 5)
+
+
 _BETTER_FIT = RemarkKind(
     "better_fit_found",
     "a better fit was found on the way, which replaces the profiled one: NRMSE {value:.6g} after {before:.6g}",
@@ -102,13 +108,6 @@ class Profile(Plotted, WithAxes, Summarised):
 
 
 # Unit and words of what profiles have for each parameter.
-_ALONG = {
-    "unit": ("", "unit of the parameter"), "estimate": ("", "value of the fit"),
-    "lower": ("", "lower end of the interval"), "upper": ("", "upper end of the interval"),
-    "verdict": ("", "identifiability"),
-}  # fmt: skip
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profiles(Plotted, WithAxes, Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
@@ -159,7 +158,7 @@ class Profiles(Plotted, WithAxes, Summarised):
                 "parameter": NamedArray.of([profiled.name for profiled in self.profiles]),
                 "point": NamedArray.of(range(n_points)),
             },
-            along=columns_of(self.profiles, "parameter", _ALONG),
+            along=columns_of(self.profiles, "parameter", _COLUMNS),
             arrays={
                 name: NamedArray.of(pad_rows(of), "parameter", "point", unit=unit, long_name=words)
                 for name, of, unit, words in (
@@ -171,28 +170,27 @@ class Profiles(Plotted, WithAxes, Summarised):
         )
 
     def _summary(self) -> Summary:
-        rows = [
-            (
-                profiled.name,
-                format_rounded(profiled.estimate, 5),
-                "open" if profiled.lower is None else format_rounded(profiled.lower, 5),
-                "open" if profiled.upper is None else format_rounded(profiled.upper, 5),
-                profiled.unit,
-                profiled.verdict,
-                profiled.reason,
-            )
-            for profiled in self.profiles
-        ]
-        columns = ("parameter", "estimate", "lower", "upper", "unit", "verdict", "reason")
         return Summary(
             title=f"Profiles of {self.model}: intervals at {100.0 * self.level:g} %, {self.status}",
             facts=(
                 ("samples", f"{self.n_time}, {self.n_effective:.0f} effective"),
                 ("profiled by", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
             ),
-            tables=[Table(columns=columns, rows=rows)],
+            tables=[Table.of(_COLUMNS, self.profiles)],
             remarks=self.remarks,
         )
+
+
+# What the profiles have in their table and in arrays.
+_COLUMNS = (
+    Column("name", "parameter"),
+    Column("estimate", "estimate", words="value of the fit", shown=5),
+    Column("lower", "lower", words="lower end of the interval", shown=_end_in_words),
+    Column("upper", "upper", words="upper end of the interval", shown=_end_in_words),
+    Column("unit", "unit", words="unit of the parameter"),
+    Column("verdict", "verdict", words="identifiability"),
+    Column("reason", "reason"),
+)
 
 
 def likelihood_threshold(level: float) -> float:
