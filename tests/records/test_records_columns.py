@@ -46,6 +46,7 @@ def test_a_mapping_goes_before_the_names(tmp_path: Path) -> None:
     [
         ({"force": "G:N"}, "no column 'G'; the columns are 't_s'"),
         ({"speed": "G:N"}, "'speed' is not a quantity"),
+        ({"time": "none"}, "the time cannot be left out"),
     ],
 )
 def test_a_wrong_mapping_is_refused(tmp_path: Path, columns: dict[str, str], word: str) -> None:
@@ -113,13 +114,6 @@ def test_the_name_gives_the_current_where_no_column_does(tmp_path: Path) -> None
     test = read_damper_test(write_text(tmp_path / "10mm2Hz0x5A.csv", clean_columns()))
     assert (test.amplitude, test.frequency, test.current) == (0.010, 2.0, 0.5)
     assert codes(test) == []
-
-
-def test_a_column_wins_over_the_name_and_the_disagreement_is_told(tmp_path: Path) -> None:
-    columns = {**clean_columns(), "current_a": np.full(400, 1.0)}
-    test = read_damper_test(write_text(tmp_path / "10mm2Hz0x5A.csv", columns))
-    assert test.current == 1.0
-    assert "says a current of 0.5 A, the record 1 A" in message(test, "name_disagrees")
 
 
 @pytest.mark.parametrize(("name", "quantity"), [("25mm2Hz0A", "amplitude"), ("10mm3Hz0A", "frequency")])

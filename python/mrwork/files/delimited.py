@@ -7,7 +7,6 @@ cell by cell, so that the first wrong cell is named.
 from __future__ import annotations
 
 import hashlib
-import io
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Mapping, Sequence
@@ -60,11 +59,9 @@ def open_delimited(path: Path) -> ColumnTable:
     not UTF-8.
     """
     data = read_text_bytes(path)
-    encoding = encoding_of(data)
-    with io.TextIOWrapper(io.BytesIO(data), encoding, errors="replace") as stream:
-        lines = stream.read().removesuffix("\n").split("\n")
-    table = DelimitedTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), lines=lines)
-    table.encoding = _ENCODINGS.get(encoding, "")
+    digest = hashlib.sha256(data).hexdigest()
+    table = DelimitedTable(source=str(path), sha256=digest, lines=split_lines(data))
+    table.encoding = _ENCODINGS.get(encoding_of(data), "")
     return table
 
 
@@ -300,9 +297,11 @@ def encoding_of(data: bytes) -> str:
     return likely if counts[likely] else "latin-1" if not_in_1252 else "cp1252"
 
 
-def decode_text(data: bytes) -> str:
-    """Text of the bytes of a file, without a byte-order mark."""
-    return data.decode(encoding_of(data), errors="replace")
+def split_lines(data: bytes) -> list[str]:
+    """Lines of the bytes of a text, which end as on any system, or in CR CR LF as in some archives."""
+    text = data.decode(encoding_of(data), errors="replace")
+    text = text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace("\r", "\n")
+    return text.removesuffix("\n").split("\n")
 
 
 def read_text_bytes(path: Path) -> bytes:

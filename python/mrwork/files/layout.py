@@ -65,7 +65,7 @@ class Layout:
 def layout_of(lines: Sequence[str], source: str) -> Layout:
     """Find delimiter, names, units and rows of a text table."""
     # Indices of lines that are neither blank nor a comment; a list of them would take five times the memory.
-    filled = array("q", (index for index, line in enumerate(lines) if line.lstrip()[:1] not in ("", "#")))
+    filled = array("q", (index for index, line in enumerate(lines) if is_data(line)))
     if not filled:
         raise RecordError(f"{source}: the file holds no header and no data; check the export")
     half = len(filled) // 2

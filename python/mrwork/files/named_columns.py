@@ -22,8 +22,8 @@ from mrwork.files.layout import numbered_names
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
 
-LONGEST_NAME: Final = 300
-"""Characters of a column's name; nothing is told from a longer one."""
+# Characters of a column's name; nothing is told from a longer one.
+_LONGEST_NAME: Final = 300
 
 QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
 # Names that count where no other column has the name of the quantity: sensors, and the time of the day.
@@ -105,20 +105,20 @@ _OF_SPECIMENS: Final = frozenset({
 _NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 # Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).
 _BRACKETED: Final = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]\s*")
-_SEPARATOR: Final = re.compile(r"[\s_,:/]+")
+_SEPARATOR: Final = re.compile(r"[\s_,:/\-]+")
 _WORD: Final = re.compile(r"[A-ZÀ-Þ]?[a-zß-ÿ]+|[A-ZÀ-Þ]+(?![a-zß-ÿ])|[\u3005\u3040-\u30ff\u3400-\u9fff]+")
 
 
 def plain_name(name: str) -> str:
     """A name with one way to write each character, and single blanks; empty where it is too long to be a name."""
-    return "" if len(name) > LONGEST_NAME else " ".join(unicodedata.normalize("NFKC", name).split())
+    return "" if len(name) > _LONGEST_NAME else " ".join(unicodedata.normalize("NFKC", name).split())
 
 
 def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     """Unit text of a column whose name means the quantity, alone or among words, empty if none; else `None`."""
     if (unit := _unit_of_word(name, _STEMS[quantity] | _OF_SENSORS[quantity])) is not None:
         return unit
-    words, at_end = _words_and_unit(name)
+    words, at_end = words_and_unit(name)
     tokens = _words(words)
     stems = _long_stems(quantity) | _OF_SENSORS[quantity]
     others = tokens - stems
@@ -141,7 +141,7 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
     Such as ``valve_mm``, ``Valve Opening (%)``, ``setpoint_psi`` and ``command [deg C]``. `apart` is a unit that the
     file states beside the name. A name of further words, as ``Axial Command (mm)``, means a command of the rig.
     """
-    words, at_end = _words_and_unit(name)
+    words, at_end = words_and_unit(name)
     match = _NAME.fullmatch(plain_name(name))
     for phrase, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
         unit, tokens = command_unit_of(text), _words(phrase)
@@ -152,16 +152,11 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
 
 def is_second_choice(quantity: TestQuantity, name: str) -> bool:
     """Whether a name that means the quantity counts only where no other does: the name of a sensor, or as I_set."""
-    return not (is_plain(quantity, name) or _words(_words_and_unit(name)[0]) & _long_stems(quantity))
+    return not (is_plain(quantity, name) or _words(words_and_unit(name)[0]) & _long_stems(quantity))
 
 
 def _long_stems(quantity: TestQuantity) -> frozenset[str]:
     return frozenset(stem for stem in _STEMS[quantity] if len(stem) > 1 or not stem.isascii())
-
-
-def unit_at_end(name: str) -> str:
-    """The unit in brackets or at the end of a column's name, empty where there is none."""
-    return _words_and_unit(name)[1]
 
 
 def find_column(column: str, names: Sequence[str], source: str) -> str:
@@ -170,7 +165,7 @@ def find_column(column: str, names: Sequence[str], source: str) -> str:
     alike = (
         [name for name in names if name == column]
         or [name for name in names if plain_name(name).casefold() == wanted]
-        or [name for name in names if _words_and_unit(name)[0].strip().casefold() == wanted]
+        or [name for name in names if words_and_unit(name)[0].strip().casefold() == wanted]
         or ([names[int(wanted) - 1]] if wanted in numbered_names(len(names)) else [])
     )
     if len(alike) == 1:
@@ -186,7 +181,7 @@ def find_column(column: str, names: Sequence[str], source: str) -> str:
     raise RecordError(f"{source}: there is no column '{column}'{columns}")
 
 
-def _words_and_unit(name: str) -> tuple[str, str]:
+def words_and_unit(name: str) -> tuple[str, str]:
     """The words of a column's name, and the unit in brackets or at its end; empty where there is none."""
     name = plain_name(name)
     match = _BRACKETED.fullmatch(name)
@@ -215,7 +210,9 @@ def _unit_of_word(name: str, stems: frozenset[str]) -> str | None:
     if match is None or match[1].casefold() not in stems:
         return None
     rest = (match[2] or "").strip()
-    words = re.search(r"[\s(\[]", rest) or _words(rest) & _NOT_MEASURED or quantity_of(unit_at_end(name))
+    words = (
+        re.search(r"[\s(\[]", rest) or _words(rest) & _NOT_MEASURED or quantity_of(words_and_unit(name)[1])
+    )
     return rest if quantity_of(rest) is not None or not words else None
 
 

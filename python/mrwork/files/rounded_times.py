@@ -1,10 +1,24 @@
-"""The uniform grid of times that a file has in rounded decimals."""
+"""Steps of the times of a file: which are equal, and the uniform grid of times in rounded decimals."""
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
+
+JITTER: Final = 1e-3
+"""Steps that differ by less, relative to their median, count as equal."""
+
+
+def regular_steps(time: Floats) -> tuple[Floats, float, NDArray[np.bool_]]:
+    """Steps of times, shape (n_time,), their median, and which of them are equal to it but for jitter."""
+    steps = np.diff(time)
+    median = float(np.median(steps))
+    # In a long record, times written with few digits differ in the last digit.
+    return steps, median, np.abs(steps - median) <= JITTER * median + 2.0 * np.spacing(np.abs(time).max())
 
 
 def rounded_grid(time: Floats) -> Floats | None:

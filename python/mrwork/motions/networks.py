@@ -19,10 +19,8 @@ from mrwork.base.numbers import counted
 from mrwork.base.units import FACTORS, factor_to_si
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError
-from mrwork.files.delimited import decode_text
 from mrwork.files.layout import reads_as_float
-from mrwork.files.rounded_times import rounded_grid
-from mrwork.motions.examination import refuse_absurd
+from mrwork.files.rounded_times import regular_steps, rounded_grid
 from mrwork.motions.ground_motion import GroundMotion
 
 _HEADER_SHOWN = 60
@@ -35,7 +33,7 @@ class Lines:
     """Lines of the file at `path`, without line ends."""
 
     path: Path
-    texts: tuple[str, ...]
+    texts: Sequence[str]
 
     def at(self, index: int) -> str:
         """Line of a header by index from 0, as much as one has; an empty text after the last."""
@@ -44,12 +42,6 @@ class Lines:
     def where(self, index: int) -> str:
         """Start of a message about a line: file and line number, counted from 1."""
         return f"{self.path}: line {index + 1}"
-
-
-def lines_of(data: bytes, path: Path) -> Lines:
-    """Lines of the bytes of a text file with any line ends; headers of old files may be Latin-1."""
-    # Some archives hold files with line ends CR CR LF; a run of CR is looked at once, from its start.
-    return Lines(path=path, texts=tuple(re.split(r"(?<!\r)\r*\n|\r", decode_text(data))))
 
 
 def read_numbers(lines: Lines, first: int, announced: float | None = None) -> Floats:
@@ -137,12 +129,9 @@ def make_motion(path: Path, *, dt: float, acceleration: Floats, source: str) -> 
         raise RecordError(
             f"{path}: {acceleration.size} samples every {dt:g} s are no record; give two or more at a positive step"
         )
-    refuse_absurd(acceleration, source=str(path))
     return GroundMotion(name=path.stem, dt=dt, acceleration=acceleration, source=f"{source} ({path.name})")
 
 
-# Steps that differ by less, relative to their median, count as equal.
-_JITTER = 1e-3
 # A last sample of zero this long after the others [s], and in steps, is padding and not part of the record.
 _PADDING = 1.0
 _PADDING_STEPS = 20.0
@@ -189,10 +178,7 @@ def _on_one_step(
     time: Floats, acceleration: Floats, where: Callable[[int], str]
 ) -> tuple[float, Floats, str]:
     """Step [s], samples, and a description of the change."""
-    steps = np.diff(time)
-    median = float(np.median(steps))
-    # In a long record, times written with few digits differ in the last digit.
-    regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
+    steps, _, regular = regular_steps(time)
     if regular.all():
         return float(time[-1] - time[0]) / steps.size, acceleration, ""
     uniform = rounded_grid(time)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NoReturn
@@ -23,15 +22,15 @@ from mrwork.base.remark import warnings_of
 from mrwork.base.units import FACTORS, factor_of, factor_to_si, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
-from mrwork.files.delimited import DelimitedTable, read_text_bytes
+from mrwork.files.delimited import DelimitedTable, read_text_bytes, split_lines
 from mrwork.files.layout import DECIMAL_COMMA, Layout, is_data, numbered_names, reads_as_float
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
 from mrwork.files.named_columns import (
-    LONGEST_NAME,
     ColumnTable,
     VectorTable,
     find_column,
     unit_in_name,
+    words_and_unit,
 )
 from mrwork.files.open_table import listed_files
 from mrwork.files.rounded_times import rounded_grid
@@ -48,7 +47,6 @@ from mrwork.motions.networks import (
     Format,
     Lines,
     Stated,
-    lines_of,
     motion_of_columns,
     quote_text,
     read_numbers,
@@ -76,29 +74,15 @@ _SMOOTHER: Final = 0.5
 _STEPS_DIFFER: Final = 0.05
 
 
-def _time_column(names: Sequence[str], *, source: str) -> str | None:
-    """Find the column of time, `None` if there is none."""
-    times = [name for name in names if unit_in_name("time", name) is not None]
-    if len(times) > 1:
-        raise RecordError(f"{source}: columns '{times[0]}' and '{times[1]}' both look like time; rename one")
-    return times[0] if times else None
-
-
 def _is_acceleration(name: str) -> bool:
     return _ACCELERATION.fullmatch(_stem_and_unit(name)[0].rstrip(" _-,:")) is not None
 
 
 def _stem_and_unit(name: str) -> tuple[str, str | None]:
     """A column's name without and with its unit, as of ``Acc (cm/s^2)`` or ``EW [g]``; ``a_g`` is often not in g."""
-    text = name.strip()
-    if text.casefold() in ("a_g", "ag") or len(text) > LONGEST_NAME:
-        return text, None
-    if bracketed := re.fullmatch(r"(.*?)[(\[]([^)\]]*)[)\]]", text):
-        parts = [(bracketed[1], bracketed[2].strip())]
-    else:
-        parts = [(text[: mark.start()], text[mark.end() :]) for mark in re.finditer(r"[\s_\-,:]+", text)]
-    candidates = (part for part in parts if factor_of(part[1], "acceleration") is not None)
-    return next(candidates, (text, None))
+    words, unit = words_and_unit(name)
+    has_unit = factor_of(unit, "acceleration") is not None and name.strip().casefold() != "a_g"
+    return (words, unit) if has_unit else (name.strip(), None)
 
 
 # What a header states: a step, a rate, and a unit after its key, or after "in units of".
@@ -137,8 +121,13 @@ def _motion_of_table(
     """The acceleration of a table: its column, unit and step as the file, its header or the options state them."""
     source, names, facts = str(path), table.names, facts_of(header)
     is_nameless = names == numbered_names(len(names))
-    time = _time_column(names, source=source)
-    first = _first_column(table) if time is None else None
+    times_of = [name for name in names if unit_in_name("time", name) is not None]
+    if len(times_of) > 1:
+        raise RecordError(
+            f"{source}: columns '{times_of[0]}' and '{times_of[1]}' both look like time; rename one"
+        )
+    time = next(iter(times_of), None)
+    first = table.numbers(names[0]) if time is None and len(names) > 1 else None
     # A column of sample numbers is no time.
     if first is not None and not (np.diff(first) == 1.0).all():
         is_pair = is_nameless and len(names) == 2 and stated.dt is None
@@ -217,13 +206,6 @@ def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoRe
     )
 
 
-def _first_column(table: ColumnTable) -> Floats | None:
-    """The first of several columns; `None` where that is the only one, or no numbers."""
-    with suppress(RecordError):
-        return table.read(table.names[:1])[table.names[0]] if len(table.names) > 1 else None
-    return None
-
-
 def runs_as_time(column: Floats) -> bool:
     """Whether a column increases, and nine in ten of its steps are equal but for rounding."""
     steps = np.diff(column)
@@ -274,7 +256,7 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
         ),
     )
     if not names and (width == 1 or (stated.column is None and (width != 2 or stated.dt is not None))):
-        column = _first_column(table)
+        column = table.numbers(table.names[0]) if width > 1 else None
         if column is None or not runs_as_time(column):
             if stated.column is not None:
                 raise SettingError(f"{lines.path}: has one column and takes no `column`; leave it out")
@@ -339,7 +321,7 @@ def _series(lines: Lines, first: int, width: int, delimiter: str) -> VectorTable
             "write decimal points, or one number a line"
         )
     marks = str.maketrans({",": " " if delimiter == "," else ".", ";": " "})
-    numbers = read_numbers(replace(lines, texts=tuple(text.translate(marks) for text in lines.texts)), first)
+    numbers = read_numbers(replace(lines, texts=[text.translate(marks) for text in lines.texts]), first)
     rows = numbers[: numbers.size // width * width].reshape(-1, width)
     if width > 1 and len(rows) >= _FEWEST_ROWS:
         along, down = (float(np.abs(np.diff(values, axis=0)).mean()) for values in (rows.ravel(), rows))
@@ -381,7 +363,9 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
 FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, SMC, GEONET, VOLUME, TABLE)
 
 # Files of a folder that are no records.
-_DOCUMENTS: Final = frozenset({".md", ".pdf", ".html", ".json", ".toml", ".py", ".zip"})
+_DOCUMENTS: Final = frozenset({
+    ".md", ".pdf", ".html", ".json", ".toml", ".py", ".zip", "readme", "license", "licence",
+})  # fmt: skip
 _MATLAB_5: Final = b"MATLAB 5.0"
 
 
@@ -448,7 +432,7 @@ def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
             refuse_needless(stated, TABLE.needs, source=str(path), kind="a .mat file")
             motion = read_matrix_motion(path, stated)
         else:
-            lines = lines_of(read_text_bytes(path), path)
+            lines = Lines(path=path, texts=split_lines(read_text_bytes(path)))
             form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
             # The reader of AT2 tells what its header lacks.
             form = PEER_AT2 if form is TABLE and path.suffix.lower() == ".at2" else form
@@ -479,18 +463,15 @@ def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     """Files of motions: a sequence of paths, the files of a folder but hidden ones and documents, or a pattern's."""
     if isinstance(paths, str | os.PathLike) and is_folder(Path(paths)):
         paths_in_folder = [
-            path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)
+            path
+            for path in sorted(Path(paths).iterdir())
+            if is_file(path)
+            and not path.name.startswith(".")
+            and path.suffix.lower() not in _DOCUMENTS
+            and path.stem.casefold() not in _DOCUMENTS
         ]
         if not paths_in_folder:
             raise RecordError(f"{paths}: the folder has no file of a ground motion; check the path")
         return tuple(paths_in_folder)
     files = listed_files(paths, none="no ground motion given; name at least one file")
     return tuple(Path(file) for file in files if len(files) == 1 or not is_folder(file))
-
-
-def _is_document(path: Path) -> bool:
-    return (
-        path.name.startswith(".")
-        or path.suffix.lower() in _DOCUMENTS
-        or path.stem.casefold() in ("readme", "license", "licence")
-    )

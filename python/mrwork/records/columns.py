@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final, Literal
 
 from mrwork.base.keys import suggestion
@@ -34,8 +35,8 @@ from mrwork.files.named_columns import (
     is_second_choice,
     scalar_unit_in_name,
     suggested_options,
-    unit_at_end,
     unit_in_name,
+    words_and_unit,
 )
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
@@ -138,21 +139,21 @@ class StatedCommand:
     unit: CommandUnit | None = None
     quantity: Literal["current", "voltage"] | None = None
 
-    def in_file(self, names: Sequence[str], units: Mapping[str, str], source: str) -> StatedCommand:
+    def in_file(self, headings: Headings) -> StatedCommand:
         """The command as a file has it: its column by exact name, its unit as stated, or by the name or the file."""
         if self.quantity is not None or self.value is not None:
             return self
-        name = find_column(self.column, names, source)
+        name = find_column(self.column, headings.names, headings.source)
         if self.unit is not None:
             return replace(self, column=name)
-        for unit in (units.get(name, ""), unit_at_end(name)):
+        for unit in (headings.units.get(name, ""), words_and_unit(name)[1]):
             for quantity in COMMANDS:
                 if quantity_of(unit) == quantity:
                     return StatedCommand(quantity=quantity, column=f"{name}:{unit}")
             if (command_unit := command_unit_of(unit)) is not None:
                 return StatedCommand(column=name, unit=command_unit)
         raise UnitError(
-            f"{source}: the column '{name}' of the command does not say its unit; give it, as in "
+            f"{headings.source}: the column '{name}' of the command does not say its unit; give it, as in "
             f"{column_option(COMMAND, name, 'A')}, or one of {', '.join(OTHER_COMMAND_UNITS)}"
         )
 
@@ -195,82 +196,149 @@ class StatedCommand:
         return cls(value=value, unit="A" if quantity == "current" else "V")
 
 
-def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
-    """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
-    read = [(name, unit) for name in names if (unit := scalar_unit_in_name(name, units.get(name, "")))]
-    if len(read) > 1:
-        (first, first_unit), (second, _) = read[:2]
-        raise RecordError(
-            f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
-            f"{column_option(COMMAND, first, first_unit)}"
-        )
-    return next((StatedCommand(column=name, unit=unit) for name, unit in read), None)
-
-
-def choose_columns(
-    names: Sequence[str],
-    columns: Mapping[str, str],
-    *,
-    source: str,
-    units: Mapping[str, str],
-    stamps: Collection[str],
-    read: ReadColumn,
-    absent: Collection[str] = (),
-) -> dict[TestQuantity, ColumnChoice]:
-    """Find the column of every quantity that a file contains.
-
-    `columns`: quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over the names; other quantities are found
-    by name. `units`: units that the file states apart, by name. `stamps`: columns of times of the day. `read`: reads a
-    column, for the unit that a message suggests. `absent`: quantities without a column.
-    """
-    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source, read=read)
-    chosen: dict[TestQuantity, ColumnChoice] = {}
-    for name, specification in columns.items():
-        quantity = _quantity(name)
-        chosen[quantity] = named.parse_specification(quantity, specification)
-    taken = {choice.column for choice in chosen.values()}
-    named = replace(named, free=tuple(name for name in names if name not in taken))
-    unclear: list[_UnclearError] = []
-    for quantity in QUANTITIES:
-        if quantity in chosen or quantity in absent:
-            continue
-        try:
-            choice = named.recognise(quantity)
-        except _UnclearError as error:
-            unclear.append(error)
-        else:
-            if choice is not None:
-                chosen[quantity] = choice
-    if unclear:
-        raise named.refusal(unclear, chosen)
-    return chosen
-
-
 class _UnclearError(Restorable, Exception):
     """What cannot be told of a quantity: the problem, and what to do; the column and its unit where they are known."""
 
     def __init__(self, problem: str, remedy: str, missing: Missing, kind: type[MrworkError]) -> None:
-        super().__init__(problem)
+        super().__init__(f"{problem}; {remedy}")
         self.problem, self.remedy, self.missing, self.kind = problem, remedy, missing, kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Names:
-    """Names of the columns of a file, those that are not assigned yet, and units that stand apart from the names."""
+class Headings:
+    """Names of the columns of a file, the `units` that stand apart from them, and the `stamps` of times of the day.
+
+    `read` reads a column, for the unit that a message suggests; those that are `taken` are not recognised again.
+    """
 
     names: Sequence[str]
-    free: Sequence[str]
     units: Mapping[str, str]
     stamps: Collection[str]
     source: str
     read: ReadColumn
+    taken: frozenset[str] = frozenset()
 
-    def parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
+    @classmethod
+    def of(cls, table: ColumnTable, source: str = "") -> Headings:
+        """Those of a table, whose columns are read without the lines that mark events among its rows."""
+        rows = cache(table.without_markers)
+        return cls(
+            names=table.names,
+            units=table.units,
+            stamps=table.stamps,
+            source=source,
+            read=lambda name: rows()[0].numbers(name),
+        )
+
+    def assign(
+        self, columns: Mapping[str, str]
+    ) -> tuple[dict[TestQuantity, ColumnChoice], StatedCommand | None]:
+        """The column of every quantity, and a command that is a number, or a column of another unit than A and V.
+
+        `columns` go before the names: quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``.
+        """
+        absent = {name for name, specification in columns.items() if specification.strip() == LEFT_OUT}
+        for name in absent:
+            check_specification(name, LEFT_OUT)
+        if stated_step(columns.get("time", "")) is not None:
+            absent.add("time")
+        specs = {name: specification for name, specification in columns.items() if name not in absent}
+        left_out = {find_column(name, self.names, self.source) for name in absent - {*QUANTITIES, COMMAND}}
+        absent |= {*COMMANDS} if COMMAND in absent else set()
+        stated = StatedCommand.of(specs.pop(COMMAND)).in_file(self) if COMMAND in specs else None
+        scalar = stated
+        if stated is None:
+            scalar = None if (specs.keys() | absent) & set(COMMANDS) else self.scalar_command()
+        elif stated.quantity is not None:
+            specs[stated.quantity], scalar = stated.column, None
+        # A scalar command is no other quantity, whatever the unit in its name.
+        left_out |= set() if scalar is None else {scalar.column}
+        rest = replace(self, names=tuple(name for name in self.names if name not in left_out))
+        chosen = rest._choose(specs, absent)
+        if stated is not None and stated.quantity is None:
+            chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
+        return chosen, None if chosen.keys() & set(COMMANDS) else scalar
+
+    def _choose(
+        self, columns: Mapping[str, str], absent: Collection[str]
+    ) -> dict[TestQuantity, ColumnChoice]:
+        chosen: dict[TestQuantity, ColumnChoice] = {}
+        for name, specification in columns.items():
+            quantity = _quantity(name)
+            chosen[quantity] = self._parse_specification(quantity, specification)
+        named = replace(self, taken=frozenset(choice.column for choice in chosen.values()))
+        unclear: list[_UnclearError] = []
+        for quantity in QUANTITIES:
+            if quantity in chosen or quantity in absent:
+                continue
+            try:
+                choice = named._recognise(quantity)
+            except _UnclearError as error:
+                unclear.append(error)
+            else:
+                chosen |= {} if choice is None else {quantity: choice}
+        if unclear:
+            rest = replace(self, taken=frozenset(choice.column for choice in chosen.values()))
+            raise rest._refusal(unclear)
+        return chosen
+
+    def guess(self) -> tuple[dict[TestQuantity, ColumnChoice], dict[TestQuantity, str]]:
+        """The columns that can be told by name, with common symbols of units, and why others cannot be told."""
+        chosen: dict[TestQuantity, ColumnChoice] = {}
+        doubts: dict[TestQuantity, str] = {}
+        for quantity in QUANTITIES:
+            try:
+                choice = self._recognise(quantity)
+            except (_UnclearError, MrworkError) as error:
+                doubts[quantity] = str(error).removeprefix(f"{self.source}: ")
+            else:
+                if choice is not None:
+                    symbols = FACTORS[quantity].items()
+                    unit = next(symbol for symbol, factor in symbols if factor == choice.factor)
+                    chosen[quantity] = replace(choice, unit=unit)
+        return chosen, doubts
+
+    def scalar_command(self) -> StatedCommand | None:
+        """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
+        read = [
+            (name, unit)
+            for name in self.names
+            if (unit := scalar_unit_in_name(name, self.units.get(name, "")))
+        ]
+        if len(read) > 1:
+            (first, first_unit), (second, _) = read[:2]
+            raise RecordError(
+                f"{self.source}: columns '{first}' and '{second}' both look like the command; say which one to use, as "
+                f"in {column_option(COMMAND, first, first_unit)}"
+            )
+        return next((StatedCommand(column=name, unit=unit) for name, unit in read), None)
+
+    def unclear_commands(self, used: Collection[str]) -> tuple[str, ...]:
+        """Columns that may be the command and do not say their unit, among those that are not used."""
+        return tuple(
+            name
+            for name in self.names
+            if name not in used and any(self._may_be_command(quantity, name) for quantity in COMMANDS)
+        )
+
+    def _may_be_command(self, quantity: Literal["current", "voltage"], name: str) -> bool:
+        unit = unit_in_name(quantity, name)
+        # The letters u and v also mean a motion.
+        is_letter = is_plain(quantity, name) and name.strip()[1:2] in ("", *" _-/,:.([")
+        has_unit = unit is not None and (quantity_of(unit) or quantity_of(self.units.get(name, "")))
+        return unit is not None and not has_unit and not (is_letter and quantity == "voltage")
+
+    @property
+    def free(self) -> list[str]:
+        """The names that are not taken."""
+        return [name for name in self.names if name not in self.taken]
+
+    def _parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit the file's."""
         column, unit = _parse_specification(quantity, specification)
         name = find_column(column, self.names, self.source)
         if not unit:
-            stated = (self.units.get(name, ""), unit_at_end(name))
+            stated = (self.units.get(name, ""), words_and_unit(name)[1])
             unit = next((stated_unit for stated_unit in stated if quantity_of(stated_unit) is not None), "")
         if not unit:
             raise UnitError(
@@ -280,7 +348,7 @@ class _Names:
         factor = factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
         return ColumnChoice(column=name, unit=unit, factor=factor)
 
-    def recognise(self, quantity: TestQuantity) -> ColumnChoice | None:
+    def _recognise(self, quantity: TestQuantity) -> ColumnChoice | None:
         claims = [
             (name, unit) for name in self.free for unit in [self._unit(quantity, name)] if unit is not None
         ]
@@ -315,13 +383,10 @@ class _Names:
             raise self._without(quantity)
         return None
 
-    def refusal(
-        self, unclear: Sequence[_UnclearError], chosen: Mapping[TestQuantity, ColumnChoice]
-    ) -> MrworkError:
+    def _refusal(self, unclear: Sequence[_UnclearError]) -> MrworkError:
         """The first problem, with the options that solve all of them."""
-        taken = {choice.column for choice in chosen.values()}
-        free = [name for name in self.free if name not in taken and self.names.count(name) == 1]
-        units = {name: self.units.get(name, "") or unit_at_end(name) for name in free}
+        free = [name for name in self.free if self.names.count(name) == 1]
+        units = {name: self.units.get(name, "") or words_and_unit(name)[1] for name in free}
         options = suggested_options([error.missing for error in unclear], free, units, self.read)
         first = unclear[0]
         # A command may be a current or a voltage.
@@ -372,52 +437,6 @@ class _Names:
         return unit if quantity_of(unit) is not None else apart
 
 
-def guess_columns(
-    names: Sequence[str],
-    *,
-    units: Mapping[str, str],
-    stamps: Collection[str],
-    source: str,
-    read: ReadColumn,
-) -> tuple[dict[TestQuantity, ColumnChoice], dict[TestQuantity, str]]:
-    """The columns that can be told by name, with common symbols of units, and why others cannot be told."""
-    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source, read=read)
-    chosen: dict[TestQuantity, ColumnChoice] = {}
-    doubts: dict[TestQuantity, str] = {}
-    for quantity in QUANTITIES:
-        try:
-            choice = named.recognise(quantity)
-        except _UnclearError as error:
-            doubts[quantity] = f"{error.problem}; {error.remedy}"
-        except MrworkError as error:
-            doubts[quantity] = str(error).removeprefix(f"{source}: ")
-        else:
-            if choice is not None:
-                symbols = FACTORS[quantity].items()
-                unit = next(symbol for symbol, factor in symbols if factor == choice.factor)
-                chosen[quantity] = replace(choice, unit=unit)
-    return chosen, doubts
-
-
-def unclear_commands(
-    names: Sequence[str], units: Mapping[str, str], used: Collection[str]
-) -> tuple[str, ...]:
-    """Columns that may be the command and do not say their unit, among those that are not used."""
-    return tuple(
-        name
-        for name in names
-        if name not in used and any(_may_be_command(quantity, name, units) for quantity in COMMANDS)
-    )
-
-
-def _may_be_command(quantity: Literal["current", "voltage"], name: str, units: Mapping[str, str]) -> bool:
-    unit = unit_in_name(quantity, name)
-    # The letters u and v also mean a motion.
-    is_letter = is_plain(quantity, name) and name.strip()[1:2] in ("", *" _-/,:.([")
-    unit_quantity = unit is not None and (quantity_of(unit) or quantity_of(units.get(name, "")))
-    return unit is not None and not unit_quantity and not (is_letter and quantity == "voltage")
-
-
 def _quantity(name: str) -> TestQuantity:
     for quantity in QUANTITIES:
         if quantity == name:
@@ -447,7 +466,4 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
 
 def tells_a_test(table: ColumnTable) -> bool:
     """Whether the headings of a table tell time, displacement and force."""
-    chosen, _ = guess_columns(
-        table.names, units=table.units, stamps=table.stamps, source="", read=table.numbers
-    )
-    return all(quantity in chosen for quantity in REQUIRED)
+    return Headings.of(table).guess()[0].keys() >= {*REQUIRED}

@@ -151,8 +151,7 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
     elif recorded:
         remark = _NOT_OF_NAME.remark(recorded=test.command_in_words, named=named)
     elif unclear:
-        option = column_option("command", unclear[0], unit)
-        remark = _UNCLEAR.remark(unclear[0], named=named, option=option)
+        remark = _UNCLEAR.remark(unclear[0], named=named, option=column_option("command", unclear[0], unit))
     else:
         return replace(test, **fields_of_commands([nominal.command]))
     return replace(test, remarks=(*test.remarks, remark))
@@ -195,23 +194,26 @@ def nominal_from_name(stem: str) -> Nominal:
     0.25
     """
     match = _NAME.search(stem)
-    if match is None or match["command"] is None:
-        named = {(_value(number), unit) for number, unit in _COMMAND_IN_NAME.findall(stem)}
-        command = None
-        if len(named) == 1:
-            ((value, mark),) = named
-            command = Command(value / 1000.0 if mark[0] == "m" else value, "V" if mark[-1] == "V" else "A")
-        if match is None or named:
-            nominal = Nominal() if match is None else nominal_from_name(match[0])
-            several = tuple(f"{value:g} {mark}" for value, mark in sorted(named)) if command is None else ()
-            return replace(nominal, command=command, is_regular=False, several=several)
-    unit: CommandUnit = "V" if (match["unit"] or "").upper() == "V" else "A"
-    return Nominal(
+    nominal = Nominal()
+    if match is not None:
         # Division instead of multiplication: 5 / 1000 is the double nearest to 0.005.
-        amplitude=_value(match["amplitude"]) / 1000.0,
-        frequency=_value(match["frequency"]),
-        command=None if match["command"] is None else Command(_value(match["command"]), unit),
-    )
+        amplitude, frequency = _value(match["amplitude"]) / 1000.0, _value(match["frequency"])
+        nominal = Nominal(amplitude=amplitude, frequency=frequency)
+        if match["command"] is not None:
+            return replace(nominal, command=_command(match["command"], match["unit"]))
+    named = {
+        (_value(number), mark): _command(number, mark) for number, mark in _COMMAND_IN_NAME.findall(stem)
+    }
+    if len(named) > 1:
+        several = tuple(f"{value:g} {mark}" for value, mark in sorted(named))
+        return replace(nominal, is_regular=False, several=several)
+    return replace(nominal, command=next(iter(named.values()), None), is_regular=not named)
+
+
+def _command(number: str, mark: str) -> Command:
+    """The command of a number and a mark such as A, V or mA."""
+    value = _value(number) / (1000.0 if len(mark) > 1 else 1.0)
+    return Command(value, "V" if mark[-1].upper() == "V" else "A")
 
 
 def _value(text: str) -> float:

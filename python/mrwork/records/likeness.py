@@ -107,17 +107,11 @@ class RecordedMotion:
             commands=tuple(means(command) for command in varying),
         )
 
-    def same_command(self, other: RecordedMotion) -> bool:
-        """Whether the commands are equal; where one is unknown, whether the forces are of one size.
+    def _same_known_command(self, other: RecordedMotion) -> bool | None:
+        """Whether the commands are equal; `None` where one is unknown.
 
         Of varying commands, the largest values are compared here and the shapes with the motion.
         """
-        matches = self._same_known_command(other)
-        alike = abs(self.deviation - other.deviation) <= _FORCE * max(self.deviation, other.deviation)
-        return alike if matches is None else matches
-
-    def _same_known_command(self, other: RecordedMotion) -> bool | None:
-        """Whether the commands are equal; `None` where one is unknown."""
         if len(self.commands) != len(other.commands):
             return False
         matches = [
@@ -209,7 +203,9 @@ def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
     """Likeness of two tests with the same motion and command, whole or for the greater part; `None` if they differ."""
     if test.sha256 and test.sha256 == seen.sha256:
         return Likeness(test=test.test, like=seen.test, correlation=1.0)
-    return motion_likeness(test, seen) if test.same_command(seen) else None
+    # Where a command is unknown, the forces are to be of one size.
+    alike = abs(test.deviation - seen.deviation) <= _FORCE * max(test.deviation, seen.deviation)
+    return motion_likeness(test, seen) if alike or test._same_known_command(seen) else None
 
 
 def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
@@ -240,8 +236,8 @@ def likest(
 ) -> Likeness | None:
     """The closest of several tests that a test is like: with any force, in its force too, or unlike in its force."""
     compare = motion_likeness if force == "other" else likeness
-    pairs = [pair for other in seen if (pair := compare(test, other))]
-    wanted = [pair for pair in pairs if force == "any" or pair.same_force == (force == "same")]
+    pairs = (pair for other in seen if (pair := compare(test, other)))
+    wanted = (pair for pair in pairs if force == "any" or pair.same_force == (force == "same"))
     return max(wanted, key=lambda pair: pair.correlation, default=None)
 
 

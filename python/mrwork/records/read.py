@@ -11,7 +11,6 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -26,25 +25,21 @@ from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, quantity_of_command
 from mrwork.errors import MrworkError, RecordError, SettingError
-from mrwork.files.named_columns import QUANTITIES, ColumnTable, ReadColumn, TestQuantity, find_column
+from mrwork.files.named_columns import ColumnTable, TestQuantity
 from mrwork.files.open_table import open_table
 from mrwork.records import checks
 from mrwork.records.columns import (
     COMMAND,
     COMMANDS,
-    LEFT_OUT,
     MARKERS,
     REQUIRED,
     SKIP,
     ColumnChoice,
+    Headings,
     StatedCommand,
     check_specification,
-    choose_columns,
-    guess_columns,
-    scalar_command,
     stated_step,
     tells_a_test,
-    unclear_commands,
 )
 from mrwork.records.command import (
     DISAGREES,
@@ -195,13 +190,9 @@ def test_from_arrays(
     uncompared = uncompared_spans(signals, motion.velocity)
     moving = motion.velocity
     velocity_source: VelocitySource = "derived"
-    about_velocity: tuple[Remark, ...] = ()
-    if signals.velocity is None:
-        about_velocity = (_DERIVED.remark(by=motion.differentiator.in_words),)
-    else:
-        late: tuple[Remark, ...] = ()
-        if complete.velocity is not None and not keep_velocity:
-            late = late_by_making(complete.time, complete.displacement, complete.velocity)
+    about_velocity: tuple[Remark, ...] = (_DERIVED.remark(by=motion.differentiator.in_words),)
+    if signals.velocity is not None and complete.velocity is not None:
+        late = late_by_making(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
             signals.velocity, displaced, motion, uncompared, late=late, keep=keep_velocity
         )
@@ -359,15 +350,15 @@ def read_damper_test(
     if MARKERS in specs:
         check_specification(MARKERS, specs.pop(MARKERS))
         table, _ = table.without_markers()
-    step = stated_step(specs.get("time", ""))
+    step, headings = stated_step(specs.get("time", "")), Headings.of(table, source)
     are_assigned = False
     try:
-        chosen, scalar = _assign_columns(table, specs, source)
+        chosen, scalar = headings.assign(specs)
         are_assigned = True
         of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
         numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     except MrworkError as error:
-        _refuse_sorted(table, specs, source)
+        _refuse_sorted(table, headings, specs)
         marked = _marked(table)
         before = f"{source}: " if are_assigned else f"{error}; "
         refusal = type(error)(f"{before}{marked}") if marked else error
@@ -397,18 +388,19 @@ def read_damper_test(
         origin=Origin(path=source, sha256=table.sha256, locate=lambda row: table.locate(part.start + row)),
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
-    test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
+    test = with_nominal_command(test, nominal, headings.unclear_commands(used))
     return replace(test, remarks=(*test.remarks, *unused_remark(table, used)))
 
 
-def _refuse_sorted(table: ColumnTable, columns: Mapping[str, str], source: str) -> None:
+def _refuse_sorted(table: ColumnTable, headings: Headings, columns: Mapping[str, str]) -> None:
     """Refuse rows in the order of the displacement before a file without times is asked for them."""
     try:
-        chosen, _ = _assign_columns(table, {**columns, "time": "1 s"}, source)
+        chosen, _ = headings.assign({**columns, "time": "1 s"})
         numbers = table.read([choice.column for choice in chosen.values()])
     except MrworkError:
         return
-    checks.check_order(numbers[chosen["displacement"].column], numbers[chosen["force"].column], source=source)
+    displacement, force = (numbers[chosen[quantity].column] for quantity in ("displacement", "force"))
+    checks.check_order(displacement, force, source=headings.source)
 
 
 def _rows_between(time: Floats, start: float | None, end: float | None, source: str) -> slice:
@@ -436,52 +428,6 @@ def _marked(table: ColumnTable) -> str:
     return f"the rows of numbers have {shown}; {cure}"
 
 
-def _reader_of(table: ColumnTable) -> ReadColumn:
-    """Reads columns of the rows between which lines mark events."""
-    rows = cache(table.without_markers)
-    return lambda name: rows()[0].numbers(name)
-
-
-def _assign_columns(
-    table: ColumnTable, columns: Mapping[str, str], source: str
-) -> tuple[dict[TestQuantity, ColumnChoice], StatedCommand | None]:
-    """The column of every quantity, and a command that is a number, or a column of another unit than A and V."""
-    absent = {name for name, specification in columns.items() if specification.strip() == LEFT_OUT}
-    if stated_step(columns.get("time", "")) is not None:
-        absent.add("time")
-    specs = {name: specification for name, specification in columns.items() if name not in absent}
-    headings = [find_column(name, table.names, source) for name in absent - {*QUANTITIES, COMMAND}]
-    absent |= {*COMMANDS} if COMMAND in absent else set()
-    stated = StatedCommand.of(specs.pop(COMMAND)) if COMMAND in specs else None
-    scalar: StatedCommand | None = None
-    if stated is not None:
-        stated = stated.in_file(table.names, table.units, source)
-        if stated.quantity is None:
-            scalar = stated
-        else:
-            specs[stated.quantity] = stated.column
-    elif not (specs.keys() | absent) & set(COMMANDS):
-        scalar = scalar_command(table.names, table.units, source=source)
-
-    # A scalar command is no other quantity, whatever the unit in its name.
-    others = {*headings, *([] if scalar is None else [scalar.column])}
-    names = tuple(name for name in table.names if name not in others)
-    chosen = choose_columns(
-        names,
-        specs,
-        units=table.units,
-        stamps=table.stamps,
-        source=source,
-        read=_reader_of(table),
-        absent=absent,
-    )
-    if stated is not None and stated.quantity is None:
-        chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
-    if chosen.keys() & set(COMMANDS):
-        scalar = None
-    return chosen, scalar
-
-
 _NOT_USED: Final = RemarkKind("not_used", "not used: {parts}", verbs=OF_FILES)
 _TEMPERATURES: Final = re.compile(
     r"(?<![a-z])t[eé]mp(?![o])|°\s*[cf]\b|(?<![a-z])deg[ _]?[cf]\b|温度", re.IGNORECASE
@@ -504,22 +450,16 @@ def unused_remark(table: ColumnTable, used: Collection[str]) -> tuple[Remark, ..
     remarks = [_NOT_USED.remark(parts="; ".join(parts))] if parts else []
     for name in table.names:
         if name not in used and _TEMPERATURES.search(f"{name} {table.units.get(name, '')}"):
-            remarks += _temperature(table, name)
+            degrees = table.numbers(name)
+            if degrees is not None and np.isfinite(degrees).all():
+                mean, ends = Measured(float(degrees.mean()), ""), (float(degrees.min()), float(degrees.max()))
+                remarks.append(checks.TEMPERATURE.remark(name, measured=mean, least=ends[0], most=ends[1]))
     if table.encoding:
         remarks.append(_ENCODING.remark(encoding=table.encoding))
     if table.further:
         further = list_names([f"'{name}'" for name in table.further], _MOST_NAMED)
         remarks.append(_FURTHER.remark(number=len(table.further), names=further))
     return tuple(remarks)
-
-
-def _temperature(table: ColumnTable, name: str) -> Iterator[Remark]:
-    degrees = table.numbers(name)
-    if degrees is not None and np.isfinite(degrees).all():
-        mean = Measured(float(degrees.mean()), "")
-        yield checks.TEMPERATURE.remark(
-            name, measured=mean, least=float(degrees.min()), most=float(degrees.max())
-        )
 
 
 @checked
@@ -579,22 +519,20 @@ def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
 def _guess(file: Path) -> ListedTest:
     try:
         table = open_table(file, tells_a_test)
-        scalar = scalar_command(table.names, table.units, source=str(file))
+        headings = Headings.of(table, str(file))
+        scalar = headings.scalar_command()
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
-    names = [name for name in table.names if scalar is None or name != scalar.column]
-    chosen, doubts = guess_columns(
-        names, units=table.units, stamps=table.stamps, source=str(file), read=_reader_of(table)
-    )
-    quantities = (
-        quantity for quantity in (*REQUIRED, "velocity") if quantity in chosen or quantity in REQUIRED
-    )
+    if scalar is not None:
+        headings = replace(headings, names=[name for name in table.names if name != scalar.column])
+    chosen, doubts = headings.guess()
     columns: dict[str, str] = {
-        quantity: chosen[quantity].specification if quantity in chosen else UNKNOWN for quantity in quantities
+        quantity: chosen[quantity].specification if quantity in chosen else UNKNOWN
+        for quantity in (*REQUIRED, "velocity")
+        if quantity in chosen or quantity in REQUIRED
     }
-    used = {choice.column for choice in chosen.values()}
     about = [doubts.pop(quantity) for quantity in COMMANDS if quantity in doubts]
-    if unclear := unclear_commands(names, table.units, used):
+    if unclear := headings.unclear_commands({choice.column for choice in chosen.values()}):
         about = [f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"]
     command, doubt = (UNKNOWN, about[0]) if about else _stated_command(file, chosen, scalar)
     if command:

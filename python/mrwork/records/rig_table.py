@@ -14,7 +14,7 @@ from mrwork.base.keys import check_known, closest
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.table import csv_text
 from mrwork.errors import MrworkError, RecordError, SettingError
-from mrwork.files.delimited import decode_text, read_text_bytes
+from mrwork.files.delimited import read_text_bytes, split_lines
 from mrwork.files.layout import delimiter_of, is_data, split, without_empty_end
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS, listed_files
 from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
@@ -158,10 +158,10 @@ def is_test_table(path: Path) -> bool:
     if path.suffix.lower() not in TEXT_EXTENSIONS or not is_file(path):
         return False
     try:
-        start = decode_text(bytes_of(path, RECORD, 4096))
+        start = split_lines(bytes_of(path, RECORD, 4096))
     except RecordError:
         return False
-    line = next(filter(is_data, start.splitlines()), "")
+    line = next(filter(is_data, start), "")
     names = {name.strip().casefold() for name in split(line, delimiter_of(line))}
     return _HEADER[0] in names and len(names & set(_HEADER)) > 1
 
@@ -182,8 +182,8 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         The file is no such table, or an entry is invalid or still "?"; the message names the line.
     """
     path = Path(path)
-    lines = decode_text(read_text_bytes(path)).splitlines()
-    filled = [(number, line) for number, line in enumerate(lines, start=1) if is_data(line)]
+    lines = enumerate(split_lines(read_text_bytes(path)), start=1)
+    filled = [(number, line) for number, line in lines if is_data(line)]
     if not filled:
         raise RecordError(
             f"{path}: the table is empty; its first line names the columns {', '.join(_HEADER)}"

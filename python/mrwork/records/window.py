@@ -16,7 +16,7 @@ from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, runs_of
 from mrwork.errors import RecordError, SettingError
-from mrwork.files.rounded_times import rounded_grid
+from mrwork.files.rounded_times import JITTER, regular_steps, rounded_grid
 from mrwork.records.damper_test import DamperTest
 
 FEWEST_SAMPLES: Final = 10
@@ -25,7 +25,6 @@ _LARGEST: Final = 1e12
 _SHORTEST_STEP: Final = 1e-7
 # Times no further apart than this repeat [s]; slopes between them would overflow.
 _SAME: Final = 1e-12
-_JITTER: Final = 1e-3
 _GAP_STEPS: Final = 3.0
 
 
@@ -212,15 +211,13 @@ def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Sig
     but for rounding are not resampled, because their samples were taken uniformly.
     """
     time = signals.time
-    steps = np.diff(time)
-    median = float(np.median(steps))
+    steps, median, regular = regular_steps(time)
     duration = float(time[-1] - time[0])
     if median < _SHORTEST_STEP:
         raise RecordError(
             f"{source}: the time step is {median:.3g} s, below any rig's; check the unit of the time"
         )
-    deviation = float(np.max(np.abs(steps - median)))
-    if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
+    if regular.all():
         return signals
     uniform = rounded_grid(time)
     if uniform is not None:
@@ -245,7 +242,7 @@ def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Sig
     grid = np.linspace(time[0], time[-1], n_uniform)
     dt = duration / (n_uniform - 1)
     rule = "PCHIP" if gaps.size else "cubic spline"
-    share = 100.0 * deviation / median
+    share = 100.0 * float(np.max(np.abs(steps - median))) / median
     remarks.append(_RESAMPLED.remark(rule, median=1e3 * median, share=share, dt=1e3 * dt))
     from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
 
@@ -257,7 +254,7 @@ def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Sig
     commands = tuple(command.resampled(time, grid) for command in signals.commands)
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
     # A sample of the grid lies between two of the record; next to one of them, it is measured.
-    beside = np.minimum(grid - time[before], time[before + 1] - grid) > _JITTER * median
+    beside = np.minimum(grid - time[before], time[before + 1] - grid) > JITTER * median
     return Signals(
         time=grid,
         **measured,
