@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summary
@@ -21,6 +18,7 @@ from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, reading_of
 from mrwork.errors import MrworkError, SettingError, escape_text
 from mrwork.records import DamperTest, guess_tests, write_test_table
+from mrwork.records.damper_test import RECORD_COLUMNS
 from mrwork.records.reading import is_synthetic
 from mrwork.records.remarks import gathered_remarks, remarks_of_set
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
@@ -74,28 +72,13 @@ def run(options: argparse.Namespace) -> int:
     notes += [remark.in_words for remark in together]
     notes += [remark.in_words for remark in gathered.shared]
     if tests or options.json:
-        show_results(options, _facts(tests, notes), document=document)
-    return 0 if len(tests) == len(rows) else 2
-
-
-def _facts(tests: Sequence[DamperTest], notes: Sequence[str]) -> Summary:
-    """A row of facts for each test, and what the checks found."""
-    rows = [
-        (
-            *(test.label, str(test.n_time), f"{1.0 / test.dt:g}"),
-            f"{500.0 * np.ptp(test.displacement):.3g}",
-            f"{1e3 * np.abs(test.velocity).max():.3g}",
-            f"{np.abs(test.force).max():.4g}",
-            test.command_in_words if test.commands else "",
+        facts = Summary(
+            title=counted(len(tests), "test"),
+            tables=[Table.of(RECORD_COLUMNS, tests)],
+            notes=notes or ["nothing to note"],
         )
-        for test in tests
-    ]
-    columns = ("file", "samples", "rate [Hz]", "amplitude [mm]", "velocity [mm/s]", "force [N]", "command")
-    return Summary(
-        title=f"{counted(len(tests), 'test')}",
-        tables=[Table(columns=columns, rows=rows)],
-        notes=notes or ["nothing to note"],
-    )
+        show_results(options, facts, document=document)
+    return 0 if len(tests) == len(rows) else 2
 
 
 def _write_table(options: argparse.Namespace) -> int:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
-from typing import Annotated, Any, ClassVar, Literal
+from operator import attrgetter
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import Count, NotNegative, Samples, Whole, checked
 from mrwork.base.hints import Within
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
+from mrwork.base.numbers import format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.remark import Remark as Remark
-from mrwork.base.summary import Summarised, Summary, named
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Column, as_json
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
 from mrwork.dampers.command import Command, CommandValues, command_level
@@ -200,50 +203,32 @@ class DamperTest(Plotted, WithAxes, Summarised):
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
 
     def _named_arrays(self) -> NamedArrays:
+        def along(samples: ArrayLike, unit: str, words: str) -> NamedArray:
+            return NamedArray.of(samples, "time", unit=unit, long_name=words)
+
         compared = np.zeros(self.n_time, dtype=np.bool_)
         compared[self.counted] = True
-        words = "command, held until the next sample"
-        columns: dict[str, tuple[ArrayLike, str, str]] = {
-            "displacement": (self.displacement, "m", "damper displacement"),
-            "velocity": (self.velocity, "m/s", f"damper velocity, {self.velocity_source}"),
-            "force": (self.force, "N", "damper force, as recorded"),
-            "compared": (compared, "", "whether the sample is compared with a model"),
+        held = "command, held until the next sample"
+        commands = {
+            command.quantity: along(np.broadcast_to(command.values, self.force.shape), command.unit, held)
+            for command in self.commands
         }
-        for command in self.commands:
-            held = np.broadcast_to(command.values, self.force.shape)
-            columns[command.quantity] = held, command.unit, words
         return NamedArrays(
             title=f"Damper test {self.name}",
             rows=("time",),
             labels={"time": NamedArray.of(self.time, unit="s", long_name="time")},
             arrays={
-                name: NamedArray.of(values, "time", unit=unit, long_name=says)
-                for name, (values, unit, says) in columns.items()
+                "displacement": along(self.displacement, "m", "damper displacement"),
+                "velocity": along(self.velocity, "m/s", f"damper velocity, {self.velocity_source}"),
+                "force": along(self.force, "N", "damper force, as recorded"),
+                "compared": along(compared, "", "whether the sample is compared with a model"),
+                **commands,
             },
         )
 
     def document(self) -> dict[str, Any]:
         """What `mrwork check --json` prints of a record; a command that varies has its range."""
-        commands = {
-            name: {"lowest": float(value.min()), "highest": float(value.max())}
-            if isinstance(value := getattr(self, name), np.ndarray)
-            else value
-            for name in ("current", "voltage", "command")
-        }
-        return {
-            "file": self.path,
-            **named(self, "n_time", "dt"),
-            "settle_seconds": self.n_settle * self.dt,
-            "amplitude_m": 0.5 * float(np.ptp(self.displacement)),
-            "peak_displacement_m": float(np.abs(self.displacement).max()),
-            "peak_velocity_mps": float(np.abs(self.velocity).max()),
-            "peak_force_n": float(np.abs(self.force).max()),
-            "current_a": commands["current"],
-            "voltage_v": commands["voltage"],
-            "command": commands["command"],
-            **named(self, "command_unit", "velocity_source", "synthetic"),
-            "remarks": [asdict(remark) for remark in self.remarks],
-        }
+        return {**as_json(RECORD_COLUMNS, self), "remarks": [asdict(remark) for remark in self.remarks]}
 
     def _summary(self) -> Summary:
         return Summary(
@@ -265,6 +250,41 @@ class DamperTest(Plotted, WithAxes, Summarised):
             ),
             notes=[remark.in_words for remark in self.remarks],
         )
+
+
+def _peak(samples: Floats) -> float:
+    return float(np.abs(samples).max())
+
+
+def _in_milli(value: float) -> str:
+    return f"{1e3 * value:.3g}"
+
+
+def _level(command: CommandValues | None) -> float | dict[str, float] | None:
+    """A command as JSON has it, the range of one that varies."""
+    if not isinstance(command, np.ndarray):
+        return command
+    return {"lowest": float(command.min()), "highest": float(command.max())}
+
+
+RECORD_COLUMNS: Final = (
+    Column("file", of=attrgetter("path")),
+    Column("", "file", of=attrgetter("label")),
+    Column("n_time", "samples"),
+    Column("dt"),
+    Column("", "rate", "Hz", shown="{:g}".format, of=lambda test: 1.0 / test.dt),
+    Column("settle_seconds", of=lambda test: test.n_settle * test.dt),
+    Column("amplitude_m", "amplitude", "mm", shown=_in_milli, of=lambda test: 0.5 * float(np.ptp(test.displacement))),
+    Column("peak_displacement_m", of=lambda test: _peak(test.displacement)),
+    Column("peak_velocity_mps", "velocity", "mm/s", shown=_in_milli, of=lambda test: _peak(test.velocity)),
+    Column("peak_force_n", "force", "N", shown=format_rounded, of=lambda test: _peak(test.force)),
+    Column("current_a", of=lambda test: _level(test.current)),
+    Column("voltage_v", of=lambda test: _level(test.voltage)),
+    Column("command", of=lambda test: _level(test.command)),
+    Column("", "command", of=attrgetter("command_in_words")),
+    *map(Column, ("command_unit", "velocity_source", "synthetic")),
+)  # fmt: skip
+"""What `mrwork check` tells of each record, in its table and its JSON."""
 
 
 def _spans_of_part(
@@ -349,12 +369,12 @@ def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | N
     command = test.command_in(unit)
     return OperatingRange(
         stroke=0.5 * float(np.ptp(test.displacement)),
-        velocity=float(np.abs(test.velocity).max()),
+        velocity=_peak(test.velocity),
         frequency=_frequencies(test),
         command=None if command is None else (float(np.min(command)), float(np.max(command))),
         command_unit=None if command is None else unit,
         levels=() if command is None or unit is None else Command(command, unit).levels,
-        force=float(np.abs(load).max()),
+        force=_peak(load),
         power=max(0.0, float(np.mean(load * test.velocity))),
         least_stroke=least_stroke(test.displacement),
     )
