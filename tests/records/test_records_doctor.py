@@ -15,8 +15,8 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest
-from mrwork.records.checks import breakaway_overshoot, clipped_samples, detect_smoothing, static_force
-from mrwork.records.cycles import delay_remark, drift_remark, force_delay, loop_drift, moving_mass
+from mrwork.records.checks import breakaway_remark, clipped_samples, detect_smoothing, static_force
+from mrwork.records.cycles import delay_remark, drift_remark, mass_remark
 from mrwork.records.motion import SmoothMotion, smooth_motion, whole_cycles
 from mrwork.records.read import examine
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
@@ -86,13 +86,13 @@ def test_simulated_records_raise_no_alarm(model: str, frequency: float) -> None:
 def test_a_delay_of_the_force_is_found(model: str, frequency: float, share: float) -> None:
     delay = share / frequency
     test = late(simulated(model, frequency=frequency), delay)
-    found = force_delay(*with_motion(test))
+    (remark,) = delay_remark(*with_motion(test))
+    found = remark.measured
     assert found is not None
     assert found.standard_error is not None
     # 0.1 % of a period is the step of the search and hence the least standard error; the bound is three times that.
     assert abs(found.value - delay) < 3.0 * found.standard_error
     assert found.standard_error < 4e-3 / frequency
-    (remark,) = delay_remark(*with_motion(test))
     assert "lags" in remark.message
 
 
@@ -105,7 +105,7 @@ def test_a_force_that_comes_early_is_told_as_a_lead() -> None:
 
 @pytest.mark.parametrize("delay", [-0.01, 0.0, 0.005])
 def test_a_force_without_corners_tells_no_delay(delay: float) -> None:
-    assert force_delay(*with_motion(late(simulated(SMOOTH, frequency=1.0), delay))) is None
+    assert not [*delay_remark(*with_motion(late(simulated(SMOOTH, frequency=1.0), delay)))]
 
 
 def test_a_smoothed_record_tells_no_delay() -> None:
@@ -113,13 +113,13 @@ def test_a_smoothed_record_tells_no_delay() -> None:
     channels = {name: getattr(test, name) for name in ("displacement", "velocity", "force")}
     averaged = {name: np.convolve(each, np.full(25, 0.04), mode="valid") for name, each in channels.items()}
     smoothed = replace(test, **averaged)
-    assert force_delay(*with_motion(replace(smoothed, smoothing=detect_smoothing(smoothed)))) is None
+    assert not [*delay_remark(*with_motion(replace(smoothed, smoothing=detect_smoothing(smoothed))))]
 
 
 def test_a_clipped_force_tells_no_delay() -> None:
     test = simulated("bouc_wen")
     top = 0.7 * test.force.max()
-    assert force_delay(*with_motion(replace(test, force=test.force.clip(-top, top)))) is None
+    assert not [*delay_remark(*with_motion(replace(test, force=test.force.clip(-top, top))))]
 
 
 @pytest.mark.parametrize("cycles", [3.25, 3.5, 3.75])
@@ -142,11 +142,11 @@ def test_a_mass_is_bounded_from_below(model: str, share: float) -> None:
     mass = share * 0.5 * np.ptp(test.force) / (amplitude * (2.0 * np.pi * frequency) ** 2)
     elastic = -float(test.force @ acceleration / (acceleration @ acceleration))
     loaded = replace(test, force=test.force + share * 0.5 * np.ptp(test.force) * inertia)
-    found = moving_mass(*with_motion(loaded))
-    assert found is not None
+    (remark,) = mass_remark(*with_motion(loaded))
+    assert remark.measured is not None
     # The 1 % allows for cycles that are not a whole number of samples, and for the first cycle, from rest.
-    assert found.value == pytest.approx(mass - elastic, rel=0.02)
-    assert 0.0 < found.value < mass
+    assert remark.measured.value == pytest.approx(mass - elastic, rel=0.02)
+    assert 0.0 < remark.measured.value < mass
 
 
 def test_a_force_that_sticks_at_rest_is_measured() -> None:
@@ -163,11 +163,10 @@ def test_a_force_that_sticks_at_rest_is_measured() -> None:
             name="rest", time=time, displacement=displacement, force=force + extra + noise
         )
 
-    found = breakaway_overshoot(*with_motion(built(peak)))
-    assert found is not None
+    (remark,) = breakaway_remark(*with_motion(built(peak)))
+    assert remark.measured is not None
     # Noise of 2 N: 7 N at most among 1200 samples, twice that at the peak, and 1 N in the mean over the travel.
-    assert found.value == pytest.approx(150.0, abs=12.0)
-    assert "breakaway" in codes(built(peak))
+    assert remark.measured.value == pytest.approx(150.0, abs=12.0)
     assert "breakaway" not in codes(built(np.zeros_like(time)))
 
 
@@ -207,14 +206,13 @@ def test_friction_with_noise_is_not_clipping() -> None:
 def test_a_drift_of_the_loop_is_measured(change: float) -> None:
     scale = (1.0 + change) ** (np.arange(12 * 500) / (12 * 500))
     test = simulated("normalised_bouc_wen", cycles=12, scale=scale)
-    found = loop_drift(*with_motion(test))
-    assert found is not None
+    (remark,) = drift_remark(*with_motion(test))
+    assert remark.measured is not None
     n_cycles = len(whole_cycles(test.displacement))
     expected = (1.0 + change) ** ((n_cycles - 1) / 12.0) - 1.0
     # Noise of 0.3 % averages to 1e-4 in a cycle of 500 samples; for a drifting force, the mean over the travel differs
     # slightly from its offset.
-    assert found.value == pytest.approx(expected, abs=0.003)
-    assert len([*drift_remark(*with_motion(test))]) == 1
+    assert remark.measured.value == pytest.approx(expected, abs=0.003)
 
 
 SLOW = 0.002 * np.arange(6000)
@@ -233,7 +231,7 @@ def test_a_motion_that_changes_is_no_drift(displacement: NDArray[np.float64]) ->
     noise = np.random.default_rng(8).standard_normal(SLOW.size)
     force = 300.0 * np.tanh(velocity / 0.01) + 2000.0 * velocity + noise
     test = mr.test_from_arrays(name="rig", time=SLOW, displacement=displacement, force=force)
-    assert loop_drift(*with_motion(test)) is None
+    assert not [*drift_remark(*with_motion(test))]
 
 
 @pytest.mark.parametrize(
@@ -271,8 +269,8 @@ def _set_of_tests() -> tuple[DamperTest, ...]:
 
 
 def test_a_set_with_right_labels_or_of_too_few_tests_raises_no_alarm() -> None:
-    assert find_mislabelled(_set_of_tests()) == ()
-    assert find_mislabelled(_set_of_tests()[4:6]) == ()
+    assert [*find_mislabelled(_set_of_tests())] == []
+    assert [*find_mislabelled(_set_of_tests()[4:6])] == []
 
 
 def test_a_repeat_of_another_force_is_told_with_its_ratio() -> None:
@@ -299,7 +297,8 @@ def test_a_wrong_label_in_a_set_is_named(wrong: int, label: float) -> None:
 
 def test_a_force_in_another_unit_than_those_of_its_set_is_told_with_the_unit() -> None:
     tests = [*_set_of_tests()]
-    assert "lbf" not in find_mislabelled([*tests[:7], replace(tests[7], current=1.0), *tests[8:]])[0].message
+    mislabelled = [*tests[:7], replace(tests[7], current=1.0), *tests[8:]]
+    assert "lbf" not in next(find_mislabelled(mislabelled)).message
     tests[8] = replace(tests[8], force=tests[8].force / 4.448)
     (remark,) = find_mislabelled(tests)
     assert remark.message.startswith(f"{tests[8].name}: ")

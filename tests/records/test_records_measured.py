@@ -54,7 +54,7 @@ def test_each_remark_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> Non
 def test_labels_of_one_set_are_right_and_two_of_the_other_wrong(
     utfsm: tuple[DamperTest, ...], labcontrol: tuple[DamperTest, ...]
 ) -> None:
-    assert find_mislabelled(utfsm) == ()
+    assert [*find_mislabelled(utfsm)] == []
     named = {remark.message.partition(": ")[0] for remark in find_mislabelled(labcontrol)}
     # Of the tests labelled 0.87 V, these two dissipate a quarter more than the other eight, which agree within 10 %.
     assert {Path(name).stem for name in named} == {"ensaio9.2", "ensaio10.2"}

@@ -198,7 +198,7 @@ def test_repairs_and_excerpts_keep_the_command_beside_the_motion() -> None:
 def test_a_varying_command_gives_no_remark_on_cycles_that_differ_by_it() -> None:
     rising = built(np.where(TIME < 2.0, 0.0, 1.0))
     assert {"loop_drift", "force_delay", "moving_mass"}.isdisjoint(codes(rising))
-    assert find_mislabelled([built(SWITCHING), *(built(0.5) for _ in range(3))]) == ()
+    assert [*find_mislabelled([built(SWITCHING), *(built(0.5) for _ in range(3))])] == []
 
 
 def test_a_command_in_time_with_the_motion_is_no_static_force() -> None:

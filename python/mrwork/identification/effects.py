@@ -6,7 +6,7 @@ determine tau and m. They pay where fits to the other tests, or to other parts o
 frequencies, predict each better with them, and the model describes enough to tell them. These fits are single
 Gauss-Newton steps from the fit to all tests, which predicted synthetic and measured rigs as well as minimisations did
 (DECISIONS.md, "A mass and a lag that all tests have in common are judged by tests that are predicted"). A record alone
-shows a late force by its corners at reversals, see `force_delay`.
+shows a late force by its corners at reversals, see `delay_remark`.
 """
 
 from __future__ import annotations

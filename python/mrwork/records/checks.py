@@ -109,31 +109,23 @@ _BREAKAWAY: Final = RemarkKind(
 )
 
 
-def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | None:
-    """Excess of the force at the first movement over all later ones [N], about the mean; `None` without rest before."""
+def breakaway_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
+    """Warn of a force at the first movement after rest above all later ones by at least 5 % of the half range."""
     rest = samples_at_rest(test.displacement)
     if rest * test.dt * motion.frequency < _REST_CYCLES:
-        return None
+        return
     moved = np.abs(test.displacement - test.displacement[0]) > _BREAKAWAY_STROKE * np.ptp(test.displacement)
     started = int(np.argmax(moved))
     if started + 1 >= moved.size:
-        return None
+        return
     force = np.abs(test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0))
     smoother = Differentiator(windows=np.full(test.n_time, 5), dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))
     first = slice(max(rest - 2, 0), started + 1)
     overshoot = float(force[first].max() - force[started + 1 :].max())
-    return Measured(overshoot, "N", standard_error=noise * float(np.sqrt(2.0)))
-
-
-def breakaway_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
-    """Warn of a breakaway force above all later forces by at least 5 % of the half range."""
-    overshoot = breakaway_overshoot(test, motion)
-    if overshoot is None or overshoot.standard_error is None:
-        return
-    least = max(_BREAKAWAY_SHARE * half_range(test.force), _BREAKAWAY_ERRORS * overshoot.standard_error)
-    if overshoot.value >= least:
-        yield _BREAKAWAY.remark(measured=overshoot)
+    error = noise * float(np.sqrt(2.0))
+    if overshoot >= max(_BREAKAWAY_SHARE * half_range(test.force), _BREAKAWAY_ERRORS * error):
+        yield _BREAKAWAY.remark(measured=Measured(overshoot, "N", standard_error=error))
 
 
 def turns_back(displacement: Floats, velocity: Floats) -> bool:

@@ -19,7 +19,7 @@ from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.records.checks import held_samples
 from mrwork.records.damper_test import DamperTest, VelocitySource
-from mrwork.records.motion import Differentiator, SmoothMotion, regular_cycles, robust_deviation
+from mrwork.records.motion import Differentiator, SmoothMotion, fit_residual, regular_cycles, robust_deviation
 
 # Beyond this share of the range to either side of its middle a channel is on that side.
 _SIDE: Final = 0.25
@@ -203,7 +203,7 @@ def _least_residual(force: Floats, displacement: Floats, velocity: Floats, centr
     quadrature = peak * centred / float(np.percentile(np.abs(centred), 99.0))
     linear = (np.ones_like(force), displacement, velocity)
     return min(
-        float(np.linalg.norm(force - columns @ np.linalg.lstsq(columns, force, rcond=None)[0]))
+        float(np.linalg.norm(fit_residual(columns, force)))
         for hysteresis, width in product(_HYSTERESIS, _WIDTHS)
         for columns in [
             np.stack((*linear, np.tanh((velocity + hysteresis * quadrature) / (width * peak))), axis=1)

@@ -16,37 +16,12 @@ from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.records.checks import clipped_samples, half_range, static_force
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
+from mrwork.records.motion import SmoothMotion, fit_residual, turning_points, whole_cycles
 
 _FEWEST_FOR_MASS: Final = 2
 _SIGNIFICANT: Final = 4.0
 # Inertia below this fraction of the half range of the force is negligible.
 _SHARE_OF_RANGE: Final = 0.02
-
-
-def moving_mass(test: DamperTest, motion: SmoothMotion) -> Measured | None:
-    """Lower bound of the mass between load cell and damper [kg], or `None` if it is not significant.
-
-    Over whole cycles, viscous and friction forces have no component in phase with the acceleration; springs and
-    hysteresis have one in opposite phase. A remaining component in phase,
-
-        m = int (F - mean F) a dt / int a^2 dt > 0,
-
-    is inertia, so that the mass is at least m. A force that leads the displacement has the same effect. The standard
-    error is of the mean over the cycles. A varying command changes the force within cycles and hides the mass.
-    """
-    if test.has_varying_command:
-        return None
-    spans = whole_cycles(motion.displacement)
-    if len(spans) < _FEWEST_FOR_MASS:
-        return None
-    masses = np.array([_in_phase(test.force[span], motion.acceleration[span]) for span in spans])
-    mass = float(masses.mean())
-    error = float(masses.std(ddof=1) / np.sqrt(masses.size))
-    peak = float(np.percentile(np.abs(motion.acceleration), 99.5))
-    if mass < _SIGNIFICANT * error or mass * peak < _SHARE_OF_RANGE * half_range(test.force):
-        return None
-    return Measured(mass, "kg", standard_error=error)
 
 
 _MOVING_MASS: Final = RemarkKind(
@@ -58,9 +33,29 @@ _MOVING_MASS: Final = RemarkKind(
 
 
 def mass_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
-    """Warn of a significant moving mass."""
-    if (mass := moving_mass(test, motion)) is not None:
-        yield _MOVING_MASS.remark(measured=mass, mass=mass.in_words())
+    """Warn of a significant mass between load cell and damper [kg], by its lower bound.
+
+    Over whole cycles, viscous and friction forces have no component in phase with the acceleration; springs and
+    hysteresis have one in opposite phase. A remaining component in phase,
+
+        m = int (F - mean F) a dt / int a^2 dt > 0,
+
+    is inertia, so that the mass is at least m. A force that leads the displacement has the same effect. The standard
+    error is of the mean over the cycles. A varying command changes the force within cycles and hides the mass.
+    """
+    if test.has_varying_command:
+        return
+    spans = whole_cycles(motion.displacement)
+    if len(spans) < _FEWEST_FOR_MASS:
+        return
+    masses = np.array([_in_phase(test.force[span], motion.acceleration[span]) for span in spans])
+    mass = float(masses.mean())
+    error = float(masses.std(ddof=1) / np.sqrt(masses.size))
+    peak = float(np.percentile(np.abs(motion.acceleration), 99.5))
+    if mass < _SIGNIFICANT * error or mass * peak < _SHARE_OF_RANGE * half_range(test.force):
+        return
+    measured = Measured(mass, "kg", standard_error=error)
+    yield _MOVING_MASS.remark(measured=measured, mass=measured.in_words())
 
 
 def _in_phase(force: Floats, acceleration: Floats) -> float:
@@ -76,45 +71,6 @@ _COLLINEAR: Final = 0.9
 _LEAST_DRIFT: Final = 0.03
 
 
-def loop_drift(test: DamperTest, motion: SmoothMotion) -> Measured | None:
-    """Relative change of the dissipative force from the first cycle to the last, or `None` if it cannot be estimated.
-
-    The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm is
-    regressed on the cycle number and, if the stroke varies, on the logarithm of the stroke. The estimate needs five
-    cycles of equal duration whose stroke does not change steadily, at a constant command.
-    """
-    if test.has_varying_command:
-        return None
-    spans = whole_cycles(motion.displacement)
-    if len(spans) < _FEWEST_FOR_DRIFT:
-        return None
-    duration = np.array([span.stop - span.start for span in spans])
-    if np.std(duration) > _STEADY * np.mean(duration) + 1.0:
-        return None
-    force = test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0)
-    # Cycles without stroke or with negative work have no logarithm.
-    tiny = np.finfo(np.float64).tiny
-    stroke = np.array([np.ptp(motion.displacement[span]) for span in spans])
-    travel = np.array([np.abs(motion.velocity[span]).sum() for span in spans])
-    work = np.array([force[span] @ motion.velocity[span] for span in spans])
-    if np.any(work <= 0.0) or np.any(stroke <= tiny):
-        return None
-    logarithm = np.log(work / travel)
-    progress = np.linspace(0.0, 1.0, len(spans))
-    columns = [progress, np.ones_like(progress)]
-    if np.std(np.log(stroke)) > _STEADY:
-        if abs(np.corrcoef(progress, np.log(stroke))[0, 1]) > _COLLINEAR:
-            return None
-        columns.append(np.log(stroke))
-    design = np.stack(columns, axis=1)
-    coefficients = np.linalg.lstsq(design, logarithm, rcond=None)[0]
-    left = logarithm - design @ coefficients
-    variance = float(left @ left) / (len(spans) - design.shape[1])
-    error = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[0, 0]))
-    change = float(np.expm1(coefficients[0]))
-    return Measured(change, "", standard_error=error * (1.0 + change))
-
-
 _LOOP_DRIFT: Final = RemarkKind(
     "loop_drift",
     "at equal stroke the dissipative force changes by {change} % from the first cycle to the last, {0}",
@@ -123,14 +79,45 @@ _LOOP_DRIFT: Final = RemarkKind(
 
 
 def drift_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
-    """Warn of a drift above 3 % and four standard errors."""
-    drift = loop_drift(test, motion)
-    if drift is None or drift.standard_error is None:
+    """Warn of a change of the dissipative force from the first cycle to the last above 3 % and four standard errors.
+
+    The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm is
+    regressed on the cycle number and, if the stroke varies, on the logarithm of the stroke. The estimate needs five
+    cycles of equal duration whose stroke does not change steadily, at a constant command.
+    """
+    if test.has_varying_command:
         return
-    if abs(drift.value) < max(_LEAST_DRIFT, _SIGNIFICANT * drift.standard_error):
+    spans = whole_cycles(motion.displacement)
+    if len(spans) < _FEWEST_FOR_DRIFT:
         return
-    likely = "as in a damper that heats up" if drift.value < 0.0 else "as in one that settles in"
-    yield _LOOP_DRIFT.remark(likely, measured=drift, change=drift.in_words(100.0))
+    duration = np.array([span.stop - span.start for span in spans])
+    if np.std(duration) > _STEADY * np.mean(duration) + 1.0:
+        return
+    force = test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0)
+    # Cycles without stroke or with negative work have no logarithm.
+    tiny = np.finfo(np.float64).tiny
+    stroke = np.array([np.ptp(motion.displacement[span]) for span in spans])
+    travel = np.array([np.abs(motion.velocity[span]).sum() for span in spans])
+    work = np.array([force[span] @ motion.velocity[span] for span in spans])
+    if np.any(work <= 0.0) or np.any(stroke <= tiny):
+        return
+    logarithm = np.log(work / travel)
+    progress = np.linspace(0.0, 1.0, len(spans))
+    columns = [progress, np.ones_like(progress)]
+    if np.std(np.log(stroke)) > _STEADY:
+        if abs(np.corrcoef(progress, np.log(stroke))[0, 1]) > _COLLINEAR:
+            return
+        columns.append(np.log(stroke))
+    design = np.stack(columns, axis=1)
+    coefficients = np.linalg.lstsq(design, logarithm, rcond=None)[0]
+    left = logarithm - design @ coefficients
+    variance = float(left @ left) / (len(spans) - design.shape[1])
+    change = float(np.expm1(coefficients[0]))
+    error = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[0, 0])) * (1.0 + change)
+    if abs(change) >= max(_LEAST_DRIFT, _SIGNIFICANT * error):
+        drift = Measured(change, "", standard_error=error)
+        likely = "as in a damper that heats up" if change < 0.0 else "as in one that settles in"
+        yield _LOOP_DRIFT.remark(likely, measured=drift, change=drift.in_words(100.0))
 
 
 # All in periods of the dominant frequency.
@@ -154,8 +141,15 @@ _SIGNIFICANT_DELAY: Final = 3.0
 _PASSED: Final = 1.0
 
 
-def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
-    """Delay of the force behind the displacement [s], or `None` if the force has no corner at the turns.
+_LATE_FORCE: Final = RemarkKind(
+    "force_delay",
+    "the force {0} the displacement by {late} ms ({samples:.1f} samples), measured at motion reversals",
+    "fit it with tests at several frequencies by --observe delay=free, or give it by --observe delay=SECONDS",
+)
+
+
+def delay_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
+    """Warn of a delay of the force behind the displacement [s] of more than three standard errors and half a sample.
 
     When the motion reverses, a hysteretic force leaves its branch at once, and its slope over time has a corner. Folded
     over all turns, the force is fitted by
@@ -171,55 +165,41 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     changes the force between turns, which can then not be folded.
     """
     if test.has_varying_command or test.smoothing is not None or clipped_samples(test.force).any():
-        return None
+        return
     period = 1.0 / motion.frequency
     turn, direction = turning_points(motion.displacement, motion.velocity)
     # Turns with different accelerations have corners of different widths and cannot be averaged.
     sharp = np.abs(np.interp(turn, np.arange(test.n_time), motion.acceleration))
     if turn.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
-        return None
+        return
     branch = _fold_periods(test.force, turn, direction, period / test.dt)
     if branch is None:
-        return None
+        return
     corners = []
     for before in _BEFORE:
         corner = _corner(*branch, before)
         if corner is None:
-            return None
+            return
         corners.append(corner)
     delays, ratios = np.array(corners).T
     sharpness = float(ratios.mean())
     if not (sharpness < _SHARPNESS and np.ptp(delays) <= _AGREEMENT):
-        return None
+        return
     # The windows may agree exactly, and a corner may lie anywhere between two samples.
     between = test.dt / (np.sqrt(12.0) * period)
     error = float(np.linalg.norm([np.ptp(delays) / 2.0, _STEP, between]))
     delay = float(delays.mean())
     time, force, _ = branch
     if delay < -_SIGNIFICANT_DELAY * error and np.interp(0.0, time, force) > -_PASSED:
-        return None
-    return Measured(delay * period, "s", standard_error=error * period)
-
-
-_LATE_FORCE: Final = RemarkKind(
-    "force_delay",
-    "the force {0} the displacement by {late} ms ({samples:.1f} samples), measured at motion reversals",
-    "fit it with tests at several frequencies by --observe delay=free, or give it by --observe delay=SECONDS",
-)
-
-
-def delay_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
-    """Warn of a delay of more than three standard errors and half a sample."""
-    delay = force_delay(test, motion)
-    if delay is None or delay.standard_error is None:
         return
-    if abs(delay.value) < max(_SIGNIFICANT_DELAY * delay.standard_error, 0.5 * test.dt):
+    if abs(delay) * period < max(_SIGNIFICANT_DELAY * error * period, 0.5 * test.dt):
         return
+    late = Measured(delay * period, "s", standard_error=error * period)
     yield _LATE_FORCE.remark(
-        "lags" if delay.value > 0.0 else "leads",
-        measured=delay,
-        late=delay.in_words(math.copysign(1e3, delay.value)),
-        samples=abs(delay.value) / test.dt,
+        "lags" if delay > 0.0 else "leads",
+        measured=late,
+        late=late.in_words(math.copysign(1e3, delay)),
+        samples=abs(late.value) / test.dt,
     )
 
 
@@ -290,7 +270,5 @@ def _with_corner(s: Floats) -> Floats:
 
 def _mean_square(columns: Floats, force: Floats, count: Floats) -> float:
     weight = np.sqrt(count)
-    weighted = columns * weight[:, np.newaxis]
-    coefficients = np.linalg.lstsq(weighted, force * weight, rcond=None)[0]
-    misfit = force * weight - weighted @ coefficients
+    misfit = fit_residual(columns * weight[:, np.newaxis], force * weight)
     return float(misfit @ misfit / count.sum())

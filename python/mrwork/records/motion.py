@@ -101,6 +101,11 @@ def robust_deviation(noise: Floats) -> float:
     return 1.4826 * float(np.median(np.abs(noise)))
 
 
+def fit_residual(columns: Floats, values: Floats) -> Floats:
+    """What least squares of columns, shape (n, n_columns), leave of values, shape (n,)."""
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
+
+
 class _Comparison(NamedTuple):
     """Derivatives over windows of `half` samples to either side, less those of another window, per sample.
 

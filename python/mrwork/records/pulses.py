@@ -12,7 +12,7 @@ from mrwork.base.remark import OF_FILES, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.dampers.command import Command
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.motion import SmoothMotion
+from mrwork.records.motion import SmoothMotion, fit_residual
 
 # Pulses go down to this share of their level, and at most this share of the samples is between, on edges.
 _OFF: Final = 0.1
@@ -135,7 +135,6 @@ def _follows(test: DamperTest, motion: SmoothMotion, beside: Floats) -> bool:
     lagged = [np.convolve(beside, each / each.size)[: beside.size][some] for each in before]
 
     def left(columns: Floats) -> float:
-        residual = test.force[some] - columns.T @ np.linalg.lstsq(columns.T, test.force[some], rcond=None)[0]
-        return float(residual @ residual)
+        return float(np.sum(fit_residual(columns.T, test.force[some]) ** 2))
 
     return left(np.concatenate([forms, *(each * forms for each in lagged)])) < (1.0 - _FOLLOWS) * left(forms)

@@ -26,17 +26,15 @@ _RECORD_REPEATED: Final = RemarkKind(
 )
 
 
-def repeated_records(tests: Sequence[DamperTest]) -> tuple[Remark, ...]:
+def repeated_records(tests: Sequence[DamperTest]) -> Iterator[Remark]:
     """Warn of records that are the same byte for byte, such as copies under two names."""
     copies: dict[str, list[str]] = defaultdict(list)
     for test in tests:
         if test.sha256:
             copies[test.sha256].append(test.label)
-    return tuple(
-        _RECORD_REPEATED.remark(names=list_names(labels), copies=len(labels))
-        for labels in copies.values()
-        if len(labels) > 1
-    )
+    for labels in copies.values():
+        if len(labels) > 1:
+            yield _RECORD_REPEATED.remark(names=list_names(labels), copies=len(labels))
 
 
 _REPEAT_DIFFERS: Final = RemarkKind(
@@ -75,14 +73,13 @@ _FACTORS: Final = {"lbf": 4.448, "kgf": 9.807, "kN": 1e3}
 _OF_FACTOR: Final = 0.2
 
 
-def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Remark, ...]:
+def find_mislabelled(tests: Sequence[DamperTest]) -> Iterator[Remark]:
     """Warn of tests whose dissipative force does not match the other tests at their command.
 
     The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
     and one slope over the logarithm of the peak velocity. Both are medians, so that a few wrong labels do not affect
     them. Commands with fewer than three tests have no level, nor have tests whose command varies.
     """
-    remarks: list[Remark] = []
     for quantity, unit in (("current", "A"), ("voltage", "V")):
         constant = {
             index: command
@@ -92,11 +89,12 @@ def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Remark, ...]:
         }
         if len(constant) >= _FEWEST_ALIKE:
             labelled, commands = [tests[index] for index in constant], np.array(list(constant.values()))
-            remarks += _standing_out(labelled, commands, quantity, unit)
-    return tuple(remarks)
+            yield from _standing_out(labelled, commands, quantity, unit)
 
 
-def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, unit: str) -> list[Remark]:
+def _standing_out(
+    tests: Sequence[DamperTest], commands: Floats, quantity: str, unit: str
+) -> Iterator[Remark]:
     # Commands that differ by less than a percent of the largest count as equal.
     step = max(0.01 * float(np.abs(commands).max()), 1e-9)
     groups: dict[int, list[int]] = defaultdict(list)
@@ -104,7 +102,7 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
         groups[round(float(command) / step)].append(index)
     alike = [np.array(group) for group in groups.values() if len(group) >= _FEWEST_ALIKE]
     if not alike:
-        return []
+        return
     force_there, velocity = _loops(tests)
     force = force_there - _slope(force_there, velocity, alike) * velocity
     levels = np.array([np.median(force[group]) for group in alike])
@@ -112,28 +110,24 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
     spread = robust_deviation(beside)
     limit = max(_STANDS_OUT, _SIGNIFICANT * spread)
     at = np.array([np.median(commands[group]) for group in alike])
-    remarks = []
     for index, difference in zip(np.concatenate(alike), beside, strict=True):
         others = _of_others(index, alike, force_there, velocity)
         if min(abs(difference), abs(force_there[index] - others)) <= limit:
             continue
         test = tests[index]
         ratio = float(np.expm1(difference))
-        remarks.append(
-            _MISLABELLED.remark(
-                measured=Measured(ratio, "", standard_error=spread),
-                label=test.label,
-                share=100.0 * abs(ratio),
-                more="more" if ratio > 0 else "less",
-                command=commands[index],
-                unit=unit,
-                spread=100.0 * spread,
-                belongs=_belongs(float(force[index]), levels, at, unit),
-                quantity=quantity,
-                other=_other_unit(float(difference)),
-            )
+        yield _MISLABELLED.remark(
+            measured=Measured(ratio, "", standard_error=spread),
+            label=test.label,
+            share=100.0 * abs(ratio),
+            more="more" if ratio > 0 else "less",
+            command=commands[index],
+            unit=unit,
+            spread=100.0 * spread,
+            belongs=_belongs(float(force[index]), levels, at, unit),
+            quantity=quantity,
+            other=_other_unit(float(difference)),
         )
-    return remarks
 
 
 def _other_unit(difference: float) -> str:
@@ -209,26 +203,18 @@ class SharedRemark:
 
     @property
     def in_words(self) -> str:
-        """One sentence: the severity, the tests, the message, and the range of the measured sizes."""
-        where = f" in {self.concerned_tests}" if self.tests else ""
-        return f"{self.severity}{where}: {self.message}{self._numbers}"
-
-    @property
-    def concerned_tests(self) -> str:
-        """The tests in words: the one, all, or their number and the names of the first."""
+        """One sentence: the severity, the one test, all, or their number and first names, message, range of sizes."""
         count = len(self.tests)
-        if count == 1:
-            return self.tests[0]
-        if count == self.n_tests:
-            return f"all {count} tests"
-        return f"{count} of {self.n_tests} tests ({list_names(self.tests, _NAMED)})"
-
-    @property
-    def _numbers(self) -> str:
+        where = f" in {count} of {self.n_tests} tests ({list_names(self.tests, _NAMED)})"
+        if count < 2:
+            where = "".join(f" in {test}" for test in self.tests)
+        elif count == self.n_tests:
+            where = f" in all {count} tests"
         span = ""
         if self.lowest is not None and self.highest is not None and self.lowest < self.highest:
             span = f"; over these tests {self.lowest:.3g} to {self.highest:.3g} {self.unit}".rstrip()
-        return "" if self.equal else f" [numbers of {self.tests[0]}{span}]"
+        numbers = "" if self.equal else f" [numbers of {self.tests[0]}{span}]"
+        return f"{self.severity}{where}: {self.message}{numbers}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

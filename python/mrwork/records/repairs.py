@@ -106,14 +106,8 @@ _Done = tuple[DamperTest, Measured, str] | str
 
 def seconds_of_pulses(test: DamperTest) -> float:
     """The time [s] over which pulses of its command were averaged, 0 where they were not."""
-    return max(
-        (
-            entry.measured.value
-            for entry in test.remarks
-            if entry.measured and entry.kind is _REPAIRED["pulses"]
-        ),
-        default=0.0,
-    )
+    pulses = (entry for entry in test.remarks if entry.kind is _REPAIRED["pulses"])
+    return max((entry.measured.value for entry in pulses if entry.measured), default=0.0)
 
 
 def _rest(test: DamperTest, _: float | None) -> _Done:
@@ -134,8 +128,8 @@ def _pulses(test: DamperTest, _: float | None) -> _Done:
         means.append(command_of(pulses.mean, command.unit, source=test.label)[0])
         replaced = f"the pulses of the {command.quantity} were replaced by their mean over {1e3 * pulses.window:.3g} ms"
         log.append(f"{replaced}, {means[-1].in_words}; {pulses.unknown}")
-    repaired = replace(test, **fields_of_commands(means))
-    return repaired, Measured(found[0][1].window, "s"), "; ".join(log)
+    window = Measured(found[0][1].window, "s")
+    return replace(test, **fields_of_commands(means)), window, "; ".join(log)
 
 
 def _offset(test: DamperTest, amount: float | None) -> _Done:
