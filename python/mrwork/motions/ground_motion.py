@@ -313,7 +313,12 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     A finer grid that contains the old samples gives the same motion. A coarser grid aliases frequencies above half its
     rate, with a warning where the velocity changes by it. A remainder of less than a step at the end is dropped.
     """
-    n_time = _n_time(motion, dt)
+    if not (0.0 < dt <= motion.duration * (1.0 + 1e-9)):
+        raise SettingError(
+            f"ground motion {motion.name}: resampled every {dt} s; give a positive step up to its {motion.duration:g} s"
+        )
+    check_samples(motion.duration, dt)
+    n_time = math.floor(motion.duration / dt * (1.0 + 1e-12) + 1e-9) + 1
     acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
     result = replace_samples(
         motion, acceleration, dt, f"resampled from {motion.dt:.6g} to {dt:.6g} s, straight between"
@@ -327,15 +332,6 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
             stacklevel=3,
         )
     return result
-
-
-def _n_time(motion: GroundMotion, dt: float) -> int:
-    if not (0.0 < dt <= motion.duration * (1.0 + 1e-9)):
-        raise SettingError(
-            f"ground motion {motion.name}: resampled every {dt} s; give a positive step up to its {motion.duration:g} s"
-        )
-    check_samples(motion.duration, dt)
-    return math.floor(motion.duration / dt * (1.0 + 1e-12) + 1e-9) + 1
 
 
 HIGHEST_ORDER = 10

@@ -15,7 +15,7 @@ from mrwork.base.hints import SMALLEST, Within
 from mrwork.base.numbers import format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled, scaled_level
@@ -67,18 +67,19 @@ class ResponseSpectrum(Plotted, Summarised):
         return (2.0 * np.pi / self.periods) ** 2 * self.displacement
 
     def _summary(self) -> Summary:
-        shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))
-        rows = [
-            tuple(
-                format_rounded(float(column[at]))
-                for column in (self.periods, self.displacement, self.velocity, self.acceleration)
+        columns = [
+            Column("", heading, unit, shown=format_rounded, of=values.item)
+            for heading, unit, values in (
+                ("period", "s", self.periods),
+                ("displacement", "m", self.displacement),
+                ("velocity", "m/s", self.velocity),
+                ("acceleration", "m/s^2", self.acceleration),
             )
-            for at in shown
         ]
-        columns = ("period [s]", "displacement [m]", "velocity [m/s]", "acceleration [m/s^2]")
+        shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))
         return Summary(
             title=f"Response spectrum at {100.0 * self.damping:g} % damping, {len(self.periods)} periods",
-            tables=[Table(columns=columns, rows=rows)],
+            tables=[Table.of(columns, shown)],
         )
 
 

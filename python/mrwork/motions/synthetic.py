@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
@@ -318,67 +318,55 @@ def suite(
         raise SettingError("a suite has motions on a soil; give one or several")
     seed = rng if isinstance(rng, int) else int(rng.integers(2**32))
     strata = [
-        Stratum(soil=soil, pulse=pulse, seed=seed)
+        (soil, pulse)
         for soil in soils
         for pulse in {"both": (False, True), "with": (True,), "without": (False,)}[pulses]
     ]
-    counts = [len(range(number, n, len(strata))) for number in range(len(strata))]
     motions = [
-        _suite_motion(stratum, number, dt, name)
-        for stratum, count in zip(strata, counts, strict=True)
-        for number in range(1, count + 1)
+        _suite_motion(*stratum, number, seed, dt, name)
+        for place, stratum in enumerate(strata)
+        for number in range(1, len(range(place, n, len(strata))) + 1)
     ]
     return tuple(motions if peak is None else (scaled_to_peak(motion, peak) for motion in motions))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stratum:
-    """Soil and pulse that motions of a suite have in common, and the seed of the suite."""
-
-    soil: Soil
-    pulse: bool
-    seed: int
-
-    @property
-    def ground(self) -> str:
-        """The ground in words: "rock", or as "soft soil"."""
-        return "rock" if self.soil == "rock" else f"{self.soil} soil"
-
-
-def _suite_motion(stratum: Stratum, number: int, dt: float, prefix: str) -> GroundMotion:
+def _suite_motion(
+    soil: Soil, has_pulse: bool, number: int, seed: int, dt: float, prefix: str
+) -> GroundMotion:
     # The random numbers of one motion do not depend on any other motion.
-    key = (stratum.seed, _SOILS.index(stratum.soil), int(stratum.pulse), number)
+    key = (seed, _SOILS.index(soil), int(has_pulse), number)
     rng = np.random.default_rng(np.random.SeedSequence(key))
-    frequency, damping = _GROUND[stratum.soil]
+    words = "rock" if soil == "rock" else f"{soil} soil"
+    frequency, damping = _GROUND[soil]
     ground = KanaiTajimi(
         frequency=frequency * _lognormal(rng, 0.3, limit=2.0),
         damping=damping * _lognormal(rng, 0.25, limit=2.0),
     )
     spectrum = CloughPenzien(soil=ground, frequency=0.1 * ground.frequency, damping=0.6)
     envelope = GammaEnvelope(
-        significant_duration=_duration(rng, _LONGEST_WITH_PULSE if stratum.pulse else _LONGEST),
+        significant_duration=_duration(rng, _LONGEST_WITH_PULSE if has_pulse else _LONGEST),
         shape=rng.uniform(3.0, 8.0),
     )
     parts = [
-        f"{stratum.ground} of {ground.frequency / (2.0 * math.pi):.2f} Hz and damping {ground.damping:.2f}",
+        f"{words} of {ground.frequency / (2.0 * math.pi):.2f} Hz and damping {ground.damping:.2f}",
         f"5-95 % duration {envelope.significant_duration:.1f} s, envelope of shape {envelope.shape:.1f}",
     ]
     rest = synthetic_motion(spectrum, rng=rng, duration=envelope.time_of(0.999), dt=dt, envelope=envelope)
     acceleration = rest.acceleration
-    if stratum.pulse:
+    if has_pulse:
         pulse = _pulse(rng, rest)
         parts.append(pulse.source)
         length = pulse.n_time
         first = max(0, round(envelope.time_of(rng.uniform(0.1, 0.4)) / dt) - length // 2)
         acceleration = np.pad(acceleration, (0, max(0, first + length - acceleration.size)))
         acceleration[first : first + length] += pulse.acceleration
-    kind = f"{stratum.soil.capitalize()}{' pulse' if stratum.pulse else ''}"
+    kind = f"{soil.capitalize()}{' pulse' if has_pulse else ''}"
     motion = GroundMotion(
         name=f"{prefix + ', ' if prefix else ''}{kind[:1].lower() + kind[1:] if prefix else kind} {number}",
         dt=dt,
         acceleration=acceleration,
-        source=f"suite, seed {stratum.seed}, {kind.lower()} {number}: {'; '.join(parts)}",
-        groups=(stratum.ground, "near-fault pulse" if stratum.pulse else "no pulse"),
+        source=f"suite, seed {seed}, {kind.lower()} {number}: {'; '.join(parts)}",
+        groups=(words, "near-fault pulse" if has_pulse else "no pulse"),
     )
     return replace(brought_to_rest(motion), changes=())
 

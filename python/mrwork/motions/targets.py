@@ -16,7 +16,7 @@ from mrwork.base.numbers import counted, format_rounded, least_to_most
 from mrwork.base.plotted import Plotted
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.units import RATIOS, STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
@@ -58,20 +58,14 @@ _ASCE_7 = SuiteRule(clause="ASCE 7-16, 16.2", fewest=11, averaged_from=11, holds
 # Soil factor, and corner periods T_B, T_C and T_D [s], by type and ground: EN 1998-1:2004, Tables 3.2 and 3.3.
 _EN_1998_GROUNDS: dict[int, dict[Ground, tuple[float, float, float, float]]] = {
     1: {
-        "A": (1.0, 0.15, 0.4, 2.0),
-        "B": (1.2, 0.15, 0.5, 2.0),
-        "C": (1.15, 0.2, 0.6, 2.0),
-        "D": (1.35, 0.2, 0.8, 2.0),
-        "E": (1.4, 0.15, 0.5, 2.0),
+        "A": (1.0, 0.15, 0.4, 2.0), "B": (1.2, 0.15, 0.5, 2.0), "C": (1.15, 0.2, 0.6, 2.0),
+        "D": (1.35, 0.2, 0.8, 2.0), "E": (1.4, 0.15, 0.5, 2.0),
     },
     2: {
-        "A": (1.0, 0.05, 0.25, 1.2),
-        "B": (1.35, 0.05, 0.25, 1.2),
-        "C": (1.5, 0.1, 0.25, 1.2),
-        "D": (1.8, 0.1, 0.3, 1.2),
-        "E": (1.6, 0.05, 0.25, 1.2),
+        "A": (1.0, 0.05, 0.25, 1.2), "B": (1.35, 0.05, 0.25, 1.2), "C": (1.5, 0.1, 0.25, 1.2),
+        "D": (1.8, 0.1, 0.3, 1.2), "E": (1.6, 0.05, 0.25, 1.2),
     },
-}
+}  # fmt: skip
 
 
 @array_dataclass(repr=False)
@@ -125,14 +119,14 @@ class TargetSpectrum(Summarised):
         return float(self.periods[0]), math.inf if self.falls else float(self.periods[-1])
 
     def _summary(self) -> Summary:
-        rows = [
-            (format_rounded(float(corner)), format_rounded(float(self.acceleration(corner))))
-            for corner in (*self.periods, *self.falls)
-        ]
+        columns = (
+            Column("", "period", "s", shown=format_rounded, of=float),
+            Column("", "acceleration", "m/s^2", shown=format_rounded, of=self.acceleration),
+        )
         return Summary(
             title=f"Target spectrum {self.name}",
             facts=(("damping", f"{100.0 * self.damping:g} %"), ("source", self.source)),
-            tables=[Table(columns=("period [s]", "acceleration [m/s^2]"), rows=rows)],
+            tables=[Table.of(columns, (*self.periods, *self.falls))],
         )
 
 

@@ -22,7 +22,7 @@ from mrwork.errors import SettingError
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """An effect on the recorded force: its name in settings, the field of `Observation`, its unit.
+    """An effect on the recorded force: its name in settings, the field of `Observation`, its unit, and its words.
 
     One that may be free has a range, outside of which no rig is; one that may be estimated for each test is `of_each`.
     One `of_time` may be given as a share of a period.
@@ -31,6 +31,7 @@ class Effect:
     name: str
     field: str
     unit: str
+    words: str
     of_time: bool = False
     free: tuple[float, float] | None = None
     of_each: bool = False
@@ -45,13 +46,21 @@ _LONGEST = 0.5
 EFFECTS: Final = {
     effect.name: effect
     for effect in (
-        Effect("mass", "mass", "kg", free=(0.0, 5e3)),
-        Effect("delay", "delay_seconds", "s", of_time=True, free=(-_LONGEST, _LONGEST), of_each=True),
-        Effect("lag", "lag_seconds", "s", of_time=True, free=(0.0, _LONGEST)),
-        Effect("lowpass", "lowpass_hz", "Hz"),
-        Effect("average", "average_seconds", "s", of_time=True),
-        Effect("gain", "gain", "1", of_each=True),
-        Effect("offset", "offset", "N", of_each=True),
+        Effect("mass", "mass", "kg", "plus the inertia of {:.4g} kg", free=(0.0, 5e3)),
+        Effect(
+            "delay",
+            "delay_seconds",
+            "s",
+            "late by {:.3g} s",
+            of_time=True,
+            free=(-_LONGEST, _LONGEST),
+            of_each=True,
+        ),
+        Effect("lag", "lag_seconds", "s", "lagging by {:.3g} s", of_time=True, free=(0.0, _LONGEST)),
+        Effect("lowpass", "lowpass_hz", "Hz", "low-passed at {:.3g} Hz"),
+        Effect("average", "average_seconds", "s", "averaged over {:.3g} s", of_time=True),
+        Effect("gain", "gain", "1", "times {:.4g}", of_each=True),
+        Effect("offset", "offset", "N", "offset by {:.4g} N", of_each=True),
     )
 }
 """The effects by name, in the order in which they act."""
@@ -84,16 +93,11 @@ class Observation:
     @property
     def in_words(self) -> str:
         """Description in words; empty for the default."""
-        parts = [
-            (self.mass, f"plus the inertia of {self.mass:.4g} kg"),
-            (self.delay_seconds, f"late by {self.delay_seconds:.3g} s"),
-            (self.lag_seconds, f"lagging by {self.lag_seconds:.3g} s"),
-            (self.lowpass_hz, f"low-passed at {self.lowpass_hz:.3g} Hz"),
-            (self.average_seconds, f"averaged over {self.average_seconds:.3g} s"),
-            (self.gain - 1.0, f"times {self.gain:.4g}"),
-            (self.offset, f"offset by {self.offset:.4g} N"),
-        ]
-        return ", ".join(text for value, text in parts if value != 0.0)
+        return ", ".join(
+            effect.words.format(value)
+            for effect in EFFECTS.values()
+            if (value := getattr(self, effect.field)) != getattr(AS_IT_IS, effect.field)
+        )
 
     @checked
     def reach(self, dt: Positive) -> tuple[int, int]:
