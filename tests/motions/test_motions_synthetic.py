@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refusal
-from scipy.linalg import solve_continuous_lyapunov
 
 from mrwork.motions import Envelope, KanaiTajimi, sine, sine_sweep, synthetic_motion
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
@@ -28,17 +27,6 @@ def test_transfer_function_and_state_space_are_one_filter(spectrum: SpectralDens
         expected = spectrum.transfer(np.array([frequency]))[0]
         assert matrices.output @ resolvent == pytest.approx(expected, rel=1e-9)
     assert_allclose(spectrum.density(w), spectrum.intensity * np.abs(spectrum.transfer(w)) ** 2, rtol=1e-12)
-
-
-def test_the_variance_of_kanai_and_tajimi_has_its_closed_form() -> None:
-    spectrum = KanaiTajimi()
-    w_g, zeta_g, intensity = spectrum.frequency, spectrum.damping, spectrum.intensity
-    matrices = spectrum.filter_matrices()
-    noise = np.sqrt(2.0 * np.pi * intensity) * matrices.noise[:, None]
-    variance = matrices.output @ solve_continuous_lyapunov(matrices.state, -noise @ noise.T) @ matrices.output
-    assert variance == pytest.approx(
-        np.pi * intensity * w_g * (1.0 + 4.0 * zeta_g**2) / (2.0 * zeta_g), rel=1e-12
-    )
 
 
 def test_at_the_frequency_of_the_soil_the_density_is_that_of_the_formula() -> None:

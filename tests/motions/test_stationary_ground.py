@@ -29,13 +29,6 @@ def test_filter_of_synthetic_motions_is_recovered(soil: KanaiTajimi) -> None:
     assert ground.damping == pytest.approx(soil.damping, rel=0.3)
 
 
-def test_the_default_ground_is_firm_soil() -> None:
-    """Its density is largest where Kanai's formula has its peak for 15 rad/s and a damping of 0.6."""
-    w = np.linspace(0.1, 100.0, 100_000)
-    ratio = np.sqrt((np.sqrt(1.0 + 8.0 * 0.6**2) - 1.0) / (4.0 * 0.6**2))
-    assert w[KanaiTajimi().density(w).argmax()] == pytest.approx(15.0 * ratio, abs=0.01)
-
-
 @pytest.mark.parametrize("kind", ["kanai_tajimi", "clough_penzien"])
 def test_its_mean_square_is_that_of_the_strong_parts(kind: str) -> None:
     motions = [noise(KanaiTajimi(), 1), scaled(noise(KanaiTajimi(), 2), 3.0)]

@@ -178,13 +178,6 @@ def test_a_test_without_compared_samples_or_signals_is_refused() -> None:
         refusal(mr.identify, "bingham", still, match=f"{channel} is constant")
 
 
-def test_millimetres_taken_for_metres_are_told() -> None:
-    time, displacement, force = COLUMNS.values()
-    for factor, told in ((1.0, False), (1e3, True)):
-        test = mr.test_from_arrays(name="rig", time=time, displacement=factor * displacement, force=force)
-        assert ("displacement_unusual" in [each.code for each in test.remarks]) == told
-
-
 def test_the_command_of_a_test_made_by_hand_has_its_length_and_is_a_number_where_constant() -> None:
     test = mr.synthetic_test("spencer1997")
     assert replace(test, current=np.full(test.n_time, 0.5)).current == 0.5

@@ -9,7 +9,6 @@ from itertools import product
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from record_files import clean_columns
 from scipy.signal import savgol_coeffs, savgol_filter
 
 import mrwork as mr
@@ -58,22 +57,6 @@ def test_only_the_channel_that_was_averaged_is_named() -> None:
     found = detect_smoothing(replace(test, force=averaged(np.pad(test.force, (15, 15), mode="wrap"), 31)))
     assert found is not None
     assert found.channels == ("force",)
-
-
-@pytest.mark.parametrize("name", SYNTHETIC_TESTS)
-def test_records_as_the_sensors_gave_them_raise_no_alarm(name: str) -> None:
-    assert detect_smoothing(synthetic_test(name)) is None
-
-
-def test_a_record_without_noise_raises_no_alarm() -> None:
-    columns = clean_columns()
-    test = mr.test_from_arrays(
-        name="clean",
-        time=columns["t_s"],
-        displacement=columns["displacement_m"],
-        force=columns["force_n"],
-    )
-    assert detect_smoothing(test) is None
 
 
 @pytest.mark.parametrize("n_time", [300, 2000, 9000])

@@ -50,11 +50,6 @@ def test_a_varying_command_is_kept_sample_by_sample(current: NDArray[np.float64]
     assert "--law" in remark.message
 
 
-def test_noise_about_a_constant_command_is_not_a_varying_one() -> None:
-    measured = 0.5 + 0.004 * np.random.default_rng(3).standard_normal(N_TIME)
-    assert built(measured).current == float(np.median(measured))
-
-
 def test_a_negative_command_is_a_warning_and_one_beyond_any_driver_refused() -> None:
     for current in (-1.0, SMOOTH - 0.5):
         (remark,) = [each for each in built(current).remarks if each.code == "command_negative"]

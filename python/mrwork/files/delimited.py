@@ -211,7 +211,6 @@ class DelimitedTable(ColumnTable):
         )
 
     def _number(self, row: int, column: int, text: str, *, with_commas: bool) -> float:
-        """Number of a cell, NaN where it is missing."""
         if text.casefold() in MISSING:
             return float("nan")
         with_points = text.translate(_EXCHANGED) if with_commas else text
@@ -226,7 +225,6 @@ class DelimitedTable(ColumnTable):
         raise self._unexpected(row, column, text, "a number")
 
     def _time(self, row: int, column: int, text: str) -> int | None:
-        """Time of a stamp [ns]; `None` where it is missing."""
         time = _nanoseconds(text)
         if time is None and text.strip().casefold() not in MISSING:
             raise self._unexpected(row, column, text, "a time such as 2024-05-01 12:00:00.010")

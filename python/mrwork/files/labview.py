@@ -89,7 +89,6 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
 
 
 def _step(entries: Mapping[str, list[str]], comma: bool, source: str) -> float:
-    """The step of all channels, of rows without times."""
     steps = {_number(text, comma, "Delta_X", source) for text in entries.get("Delta_X", []) if text}
     starts = {_number(text, comma, "X0", source) for text in entries.get("X0", []) if text}
     if len(steps) != 1 or len(starts) > 1:

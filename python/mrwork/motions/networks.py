@@ -247,8 +247,6 @@ PEER_AT2 = Format(
     recognises=lambda lines: _CONTENT.search(lines.at(2)) is not None and "NPTS" in lines.at(3).upper(),
     read=_read_at2,
 )
-
-
 # Positions in the real header: step of a processed series [ms], and of the recorder [s].
 _PROCESSED_STEP, _RECORDER_STEP = slice(61, 62), slice(33, 34)
 _FIRST = re.compile(r"\(Format v\s*0*1\.[0-9]+ with\s+([0-9]{1,9}) text lines\)", re.IGNORECASE)
@@ -307,8 +305,6 @@ COSMOS = Format(
     read=_read_cosmos,
     needs=frozenset({"channel"}),
 )
-
-
 _LONGEST_HEADER = 100
 
 
@@ -394,8 +390,6 @@ K_NET = Format(
     recognises=lambda lines: lines.at(0).startswith("Origin Time") and _line_of(lines, "Scale Factor") >= 0,
     read=_read_knet,
 )
-
-
 # Each channel of a volume has a header, then numbers at widths, which may touch; velocities are not read.
 # "3251 POINTS OF ACCEL DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: CM/SEC/SEC)",
 # "13200 Accelerogram points at 200 pts/sec in units of g .      Format: (8f9.6)".

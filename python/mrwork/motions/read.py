@@ -314,7 +314,6 @@ def _has_comma(word: str) -> bool:
 
 
 def _series(lines: Lines, first: int, width: int, delimiter: str) -> VectorTable:
-    """All numbers in order as one column."""
     if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
         raise RecordError(
             f"{lines.where(first)} holds '{quote_text(lines.at(first))}', two numbers or one with a decimal comma; "

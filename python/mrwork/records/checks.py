@@ -280,8 +280,6 @@ _FEWEST_PER_LEVEL: Final = 5
 # Levels are whole steps apart, but for this share of one; what is closer than this share of the range is rounding.
 _OFF_THE_STEPS: Final = 0.05
 _ROUNDED: Final = 1e-9
-
-
 _COARSELY_READ: Final = RemarkKind(
     "coarse",
     "the {0} is read in steps of {value:.3g} {1}, {share:.2g} % of its half range of {half:.4g} {1}",
@@ -298,8 +296,6 @@ _HELD: Final = RemarkKind(
     "{late:.3g} ms in the mean",
     "use --every {value:.0f}, or sample all channels alike",
 )
-
-
 _STUCK: Final = RemarkKind(
     "stuck",
     "the force has one value in {value:.0f} samples from {begin:.4g} s on, while the displacement moves, and elsewhere "
@@ -442,8 +438,6 @@ _LARGEST_ACCELERATION: Final = 1e4
 _HIGHEST_FREQUENCY: Final = 500.0
 # The coils of the largest dampers take some 10 A, and no driver of them is set by more than the voltage of the mains.
 _LARGEST_COMMANDS: Final[Mapping[CommandUnit, float]] = {"A": 20.0, "V": 240.0}
-
-
 _STROKE: Final = RemarkKind(
     "displacement_unusual",
     "the displacement spans {span:.3g} {0}, {1} damper of {force}{2}",

@@ -50,8 +50,6 @@ _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
     "time": "t_s", "displacement": "displacement_mm", "velocity": "velocity_mps", "force": "force_N",
     "current": "current_A", "voltage": "voltage_V",
 }  # fmt: skip
-
-
 COMMAND: Final = "command"
 """Key of a mapping of columns for the command: a column of current or voltage, or a number with its unit."""
 

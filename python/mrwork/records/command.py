@@ -31,8 +31,6 @@ _PULSE: Final = 3
 # Tolerances: nominal amplitude and frequency are set points, which the rig reaches only approximately.
 _AMPLITUDE: Final = 0.25
 _FREQUENCY: Final = 0.20
-
-
 _VARIES: Final = RemarkKind(
     "command_varies",
     "the {0} {1} {lowest} and {highest} {2}, by {value:.4g} {2}; a model follows it by current laws (--law), a coil "
@@ -163,8 +161,6 @@ _NAME: Final = re.compile(
     rf"(?:_?(?P<command>{_NUMBER})(?P<unit>[AV]))?(?![A-Za-z\d])",
     re.IGNORECASE,
 )
-
-
 # A number with a unit of current or voltage anywhere in a name: 500mA_run3, sine 0.5 A, dec_3x21V.
 _COMMAND_IN_NAME: Final = re.compile(r"(?<![\dA-Za-z.])(\d+(?:[x.,]\d+)?)[\s_]?(m?[AV])(?![A-Za-z\d])")
 

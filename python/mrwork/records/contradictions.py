@@ -31,8 +31,6 @@ _STILL: Final = 0.005
 _SHORTEST_SWING: Final = 0.15
 # What rounding leaves of a channel that stands still, as a share of its range.
 _ROUNDING: Final = 1e-6
-
-
 _STANDS: Final = "the {0} stands still for {value:.3g} s, first from {begin:.3g} s on, while the"
 _STILL_CURE: Final = "check the sensor of the {0} and its cable, or omit that part (--from, --until)"
 _STILL_KINDS: Final = {

@@ -22,8 +22,6 @@ _FEWEST_FOR_MASS: Final = 2
 _SIGNIFICANT: Final = 4.0
 # Inertia below this fraction of the half range of the force is negligible.
 _SHARE_OF_RANGE: Final = 0.02
-
-
 _MOVING_MASS: Final = RemarkKind(
     "moving_mass",
     "the force has a component in phase with the acceleration: a mass of {mass} kg or more between load cell and "
@@ -69,8 +67,6 @@ _STEADY: Final = 0.01
 # Correlation of stroke and cycle number above which a drift cannot be separated from the stroke.
 _COLLINEAR: Final = 0.9
 _LEAST_DRIFT: Final = 0.03
-
-
 _LOOP_DRIFT: Final = RemarkKind(
     "loop_drift",
     "at equal stroke the dissipative force changes by {change} % from the first cycle to the last, {0}",
@@ -139,8 +135,6 @@ _AGREEMENT: Final = 0.006
 _SIGNIFICANT_DELAY: Final = 3.0
 # Fall of the force at the turn, in half ranges, required for a lead.
 _PASSED: Final = 1.0
-
-
 _LATE_FORCE: Final = RemarkKind(
     "force_delay",
     "the force {0} the displacement by {late} ms ({samples:.1f} samples), measured at motion reversals",

@@ -152,11 +152,8 @@ class DamperTest(Plotted, WithAxes, Summarised):
     @property
     def commands(self) -> tuple[Command, ...]:
         """The known commands, each with its unit."""
-        pairs: tuple[tuple[CommandValues | None, CommandUnit | None], ...] = (
-            (self.current, "A"),
-            (self.voltage, "V"),
-            (self.command, self.command_unit),
-        )
+        units: tuple[CommandUnit | None, ...] = ("A", "V", self.command_unit)
+        pairs = zip((self.current, self.voltage, self.command), units, strict=True)
         return tuple(
             Command(values, unit) for values, unit in pairs if values is not None and unit is not None
         )
@@ -290,7 +287,6 @@ RECORD_COLUMNS: Final = (
 def _spans_of_part(
     spans: Sequence[tuple[int, int]], first: int, last: int, every: int
 ) -> tuple[tuple[int, int], ...]:
-    """Spans of samples in every `every`-th sample from `first` up to `last`."""
     n_kept = len(range(first, last, every))
     # Rounded up: a sample belongs to a span if it lies in it.
     placed = (tuple(min(max(-(-(end - first) // every), 0), n_kept) for end in span) for span in spans)

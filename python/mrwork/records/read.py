@@ -86,8 +86,6 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Remark]], 
     checks.resolution_remarks, checks.stuck_force, still_remarks, jump_remark, drift_of_displacement_remark,
     repeated_part, drift_remark, pulses_remark,
 )  # fmt: skip
-
-
 _DERIVED: Final = RemarkKind(
     "velocity_derived", "no velocity given; derived from the displacement by {by}", verbs=ONCE
 )
@@ -246,7 +244,6 @@ def _sent_commands(
     command: ArrayLike | None,
     command_unit: CommandUnit | None,
 ) -> list[tuple[ArrayLike, CommandUnit]]:
-    """Samples of the commands that are given, each with its unit."""
     if command is not None and command_unit is None:
         raise SettingError(
             '`command` has no unit; give `command_unit`, "A" for a current or "V" for a voltage'

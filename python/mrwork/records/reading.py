@@ -39,8 +39,6 @@ _OF_ONE_FILE = (
     "--column holds for all files given, so write what is of this one into its row of a table of tests, as "
     "mrwork check FILES --table begins it, or give it alone"
 )
-
-
 _DT = 1e-3
 _FORCE_NOISE_N = 8.0
 _DISPLACEMENT_NOISE_M = 5e-6

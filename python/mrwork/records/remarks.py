@@ -60,8 +60,6 @@ _APART: Final = 0.1
 # An outlier differs by at least this much, and by this many robust standard deviations of the set.
 _STANDS_OUT: Final = 0.18
 _SIGNIFICANT: Final = 3.5
-
-
 _MISLABELLED: Final = RemarkKind(
     "command_mislabelled",
     "{label}: dissipates {share:.0f} % {more} than the other tests at {command:.3g} {unit} in similar motion (their "
