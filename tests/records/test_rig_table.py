@@ -85,8 +85,6 @@ def test_a_command_is_a_number_or_a_column_and_goes_before_those_of_the_record(t
     columns["drive"] = np.full(columns["t_s"].size, 700.0)
     path = write_text(tmp_path / "rig.csv", columns)
     assert read_damper_test(path).current == 0.5
-    stated = read_damper_test(path, columns={"command": "2 V"})
-    assert (stated.current, stated.voltage) == (None, 2.0)
     assert read_damper_test(path, columns={"command": "drive:mA"}).current == pytest.approx(0.7)
     columns["Amplifier, V"] = columns.pop("drive")
     path = write_text(tmp_path / "rig.csv", columns, ";")

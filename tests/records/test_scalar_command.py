@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from command_line import mrwork, printed
 from numpy.typing import NDArray
-from record_files import clean_columns
+from record_files import clean_columns, write_text
 from refusals import refusal
 
 import mrwork as mr
@@ -46,16 +46,8 @@ def written(
     folder: Path, heading: str, scale: float, zero: float, *, rng: int = 0, n_time: int = 1500
 ) -> Path:
     time, displacement, velocity, force, share = recorded(rng=rng, n_time=n_time)
-    path = folder / f"rig{rng}.csv"
-    table = np.column_stack([time, 1e3 * displacement, velocity, force, zero + scale * share])
-    np.savetxt(
-        path,
-        table,
-        delimiter=",",
-        header=f"t_s,displacement_mm,velocity_mps,force_N,{heading}",
-        comments="",
-    )
-    return path
+    columns = {"t_s": time, "displacement_mm": 1e3 * displacement, "velocity_mps": velocity, "force_N": force}
+    return write_text(folder / f"rig{rng}.csv", {**columns, heading: zero + scale * share})
 
 
 def test_units_of_commands_are_those_with_a_scale() -> None:
@@ -96,11 +88,7 @@ def test_a_column_that_is_no_command_of_the_damper_is_not_used(tmp_path: Path, h
 def test_a_current_is_the_command_where_a_record_has_both(tmp_path: Path) -> None:
     columns = clean_columns()
     columns["current_A"], columns["valve_mm"] = np.full_like(columns["t_s"], 0.5), columns["t_s"]
-    path = tmp_path / "rig.csv"
-    np.savetxt(
-        path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments=""
-    )
-    test = read_damper_test(path)
+    test = read_damper_test(write_text(tmp_path / "rig.csv", columns))
     assert test.commands == ((0.5, "A"),)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
+from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes, write_text
 from refusals import refusal
 
 import mrwork as mr
@@ -249,9 +249,7 @@ def test_commands_are_the_same_sample_by_sample() -> None:
 def test_a_file_with_a_column_of_the_command_is_read(tmp_path: Path, heading: str) -> None:
     columns = clean_columns()
     columns[heading] = np.where(np.sin(0.6 * np.pi * FREQUENCY * columns["t_s"]) > 0.0, 1.0, 0.2)
-    path = tmp_path / "rig.csv"
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="")
+    path = write_text(tmp_path / "rig.csv", columns)
     extra = {"current": "i_cmd:A"} if heading == "i_cmd" else None
     test = read_damper_test(path, columns=extra)
     np.testing.assert_array_equal(test.current, columns[heading])
