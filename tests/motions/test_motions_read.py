@@ -14,7 +14,6 @@ from motion_files import (
     cosmos_lines,
     esm_lines,
     knet_lines,
-    rows,
     write_lines,
 )
 from numpy.testing import assert_allclose
@@ -120,13 +119,6 @@ def test_two_columns_without_names_need_a_unit(tmp_path: Path) -> None:
     assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
     refusal(read_motion, path, match='unit="g"')
     refusal(read_motion, path, unit="g", dt=DT, match="column '1' holds the times")
-
-
-def test_numbers_alone_need_unit_and_step(tmp_path: Path) -> None:
-    path = write_lines(tmp_path / "a.txt", rows(IN_G, "15.7E", 8))
-    assert_is_the_motion(read_motion(path, unit="g", dt=DT), 1e-5)
-    refusal(read_motion, path, unit="g", match="dt=0.01")
-    refusal(read_motion, path, dt=DT, match='unit="g"')
 
 
 def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path) -> None:

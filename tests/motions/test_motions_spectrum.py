@@ -31,17 +31,6 @@ def test_a_step_of_acceleration_overshoots_as_the_closed_form_says(damping: floa
     assert (spectrum.pseudo_acceleration <= overshoot * (1.0 + 1e-12)).all()
 
 
-def test_resonance_without_damping_grows_as_the_closed_form_says() -> None:
-    # x'' + w^2 x = -sin(w t) from rest: x = (w t cos(w t) - sin(w t)) / (2 w^2), largest at the end of a half period.
-    n_cycles, w = 10, 2.0 * np.pi
-    time = np.arange(10_001) * (n_cycles / 10_000)
-    motion = GroundMotion(name="sine", dt=n_cycles / 10_000, acceleration=np.sin(w * time))
-    spectrum = response_spectrum(motion, 1.0, damping=0.0)
-    expected = np.abs(w * time * np.cos(w * time) - np.sin(w * time)).max() / (2.0 * w**2)
-    # Linear interpolation reduces the sine by (w dt)^2 / 12.
-    assert spectrum.displacement[0] == pytest.approx(expected, rel=(w * motion.dt) ** 2)
-
-
 @pytest.mark.parametrize("damping", [0.0, 0.05, 0.4])
 def test_peaks_agree_with_scipy_on_a_fine_grid(damping: float) -> None:
     motion = trimmed(MOTION, end=4.0)

@@ -201,16 +201,6 @@ def test_a_missing_velocity_is_derived_accurately() -> None:
     assert np.max(np.abs(test.velocity - exact)) < 1e-4 * np.abs(exact).max()
 
 
-def test_deriving_beats_differences_on_noisy_displacement() -> None:
-    columns = without_velocity()
-    rng = np.random.default_rng(3)
-    columns["displacement_m"] = columns["displacement_m"] + 2e-5 * rng.standard_normal(400)
-    exact = clean_columns()["velocity_mps"]
-    error = np.std(built(columns).velocity - exact)
-    # A quintic filter of 25 samples passes 0.24 times the white noise that central differences pass.
-    assert error < 0.3 * np.std(np.gradient(columns["displacement_m"], DT) - exact)
-
-
 def test_a_velocity_of_opposite_sign_is_turned_with_a_note() -> None:
     columns = clean_columns()
     columns["velocity_mps"] = -columns["velocity_mps"]

@@ -97,7 +97,7 @@ def _write_table(options: argparse.Namespace) -> int:
         entries = ", ".join(f"{key} {entry}" for key, entry in row.columns.items())
         lines.append(f"{escape_text(row.file)}: {entries or 'not used'}")
         lines += [f"  in doubt: {row.doubt}"] if row.doubt else []
-    undecided = any("?" in entry for row in rows for entry in row.columns.values())
+    undecided = any(row.is_open for row in rows)
     lines += [
         f"Written: {table}, {len(rows)} tests, {sum(bool(row.doubt) for row in rows)} in doubt.",
         f"Check its entries{', fill in each ?' if undecided else ''}, and set the use of held-out tests to calibration "
