@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.derived import Unloaded, add_options_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.output import (
@@ -72,8 +73,7 @@ def add_options(parser: CommandParser) -> None:
         choices=("test", "training", "all"),
         default="test",
     )
-    check = "repeat every run with half the integration step at the end, and compare"
-    parser.option("simulation", "--check-step", check, bool)
+    add_options_of(parser, Unloaded("study.run", "run_study"), "simulation", "check_step")
     parser.option(
         "simulation",
         "--ensemble",
