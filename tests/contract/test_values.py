@@ -9,6 +9,8 @@ import copy
 import importlib
 import pickle
 import pkgutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, get_args, get_origin, get_type_hints
@@ -164,3 +166,21 @@ def test_what_the_caller_writes_into_an_array_afterwards_changes_no_object(
     np.testing.assert_array_equal(getattr(found, name), np.linspace(0.0, 1.0, 150))
     with pytest.raises(ValueError, match="read-only"):
         getattr(found, name)[0] = 1.0
+
+
+def test_a_test_from_another_process_is_repaired_with_its_remarks() -> None:
+    time = np.arange(400) / 200.0
+    late = 0.1 * np.cos(10.0 * (time - 0.01))
+    test = mr.test_from_arrays(time, 0.01 * np.sin(10.0 * time), 500.0 * np.sin(10.0 * time), velocity=late)
+    told = {remark.code for remark in test.remarks}
+    code = (
+        "import pickle, sys; test = pickle.load(sys.stdin.buffer)\n"
+        "import mrwork as mr\n"
+        "print(*(each.code for each in mr.records.repair(test, ['velocity'])[0].remarks))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps(test), capture_output=True, check=True
+    )
+    left = {*done.stdout.decode().split()}
+    assert "velocity_late" in told - left
+    assert "repaired_velocity" in left
