@@ -163,7 +163,7 @@ def test_importing_and_asking_for_help_load_nothing_heavy() -> None:
     assert helped.stdout.strip() == "[]"
     heavy = "{'jax', 'matplotlib', 'scipy', 'emcee', 'h5py', 'optimistix', 'jinja2', 'arviz'}"
     of_verbs = (
-        "import sys\nfrom mrwork.cli.door import whole_parser\nwhole_parser()\n"
+        "import sys\nfrom mrwork.cli.door import parser, verbs\nparser(verbs())\n"
         f"print(sorted({heavy} & set(sys.modules)))"
     )
     helped = ran(sys.executable, "-c", of_verbs, check=True)

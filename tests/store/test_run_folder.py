@@ -193,10 +193,7 @@ def test_a_verb_replaces_its_own_run_and_keeps_what_the_user_added(tmp_path: Pat
 def refused(place: Path, kind: RunKind, lost: str) -> None:
     """Nothing may be written, nothing changes, and what would be lost is named."""
     before = contents(place.parent)
-    for call in (
-        RunAtWork(place, kind).check_losses,
-        lambda: written(place, kind, text="second"),
-    ):
+    for call in (RunAtWork(place, kind).check_losses, lambda: written(place, kind, text="second")):
         refusal(call, match=f"would lose .*{lost}.* --replace")
     assert contents(place.parent) == before
 

@@ -21,7 +21,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page, told_remarks
 from mrwork.cli.terminal import note, show
-from mrwork.cli.tests import add_observation, command_unit, observation_of
+from mrwork.cli.tests import add_observation, command_unit
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit
@@ -30,7 +30,7 @@ from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table,
 from mrwork.records.checks import ONE_WAY
 from mrwork.records.columns import COMMAND
 from mrwork.records.contradictions import refuse_velocity
-from mrwork.records.observation import DETECT, WEIGH
+from mrwork.records.observation import DETECT, WEIGH, as_words
 from mrwork.records.reading import Reading
 from mrwork.records.rig_table import (
     TABLE_NAME,
@@ -179,7 +179,7 @@ def _fitting(
             "one way shows no loop to choose a model by; add strokes out and back at equal speeds, or fit one model by "
             "mrwork identify FILES --model NAME"
         )
-    settings = FitSettings(rng=options.rng, observe=observation_of(options, (DETECT, WEIGH)))
+    settings = FitSettings(rng=options.rng, observe=as_words(options.observe or (DETECT, WEIGH)))
     spare = ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True

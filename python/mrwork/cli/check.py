@@ -79,7 +79,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _facts(tests: Sequence[DamperTest], notes: Sequence[str]) -> Summary:
-    """A row of facts for each test, and what the checks found."""
     rows = [
         (
             *(test.label, str(test.n_time), f"{1.0 / test.dt:g}"),

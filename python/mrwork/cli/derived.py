@@ -205,7 +205,6 @@ def ends_of(text: str) -> tuple[float, float]:
 
 
 def _entry_of(value: Node) -> tuple[Callable[[str], Any], str]:
-    """How the value of NAME=VALUE is read, and its form."""
     if value.form in ("fixed", "items"):
         return ends_of, "LOWER:UPPER"
     return (finite_number, "NUMBER") if value.kind is float else (str, "VALUE")

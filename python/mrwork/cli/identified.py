@@ -13,7 +13,7 @@ from mrwork.base.progress import OnProgress, ProgressLine
 from mrwork.base.remark import RemarkKind
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line, work_of
-from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
+from mrwork.cli.output import draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
 from mrwork.dampers.spec import DEFAULT_MODELS, DamperSpec
@@ -122,10 +122,7 @@ class Identification(Frame):
             return status if fit is None else self._end(self._with_command(fit), status)
 
     def choose(
-        self,
-        choose: Callable[..., Choice],
-        models: Sequence[DamperSpec | str] | None,
-        settings: FitSettings,
+        self, choose: Callable[..., Choice], models: Sequence[DamperSpec | str] | None, settings: FitSettings
     ) -> int:
         """Make a choice of model or laws; the run folder has the best, and what was compared; return the exit status.
 
@@ -252,8 +249,7 @@ class Identification(Frame):
         return status
 
     def _show(self, results: Sequence[Summarised], document: Mapping[str, object]) -> None:
-        """Print results, or the document with --json."""
         remarks = remarks_for("identify", self.tests)
-        more = {"test_remarks": as_plain(remarks), "out": str(self.folder)}
+        more = {"test_remarks": [asdict(remark) for remark in remarks], "out": str(self.folder)}
         below = ["", *(f"  {remark.in_words}" for remark in remarks)] if remarks else []
         show_results(self.options, *results, document={**document, **more}, below=below)

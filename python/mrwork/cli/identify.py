@@ -165,7 +165,6 @@ def _search(options: argparse.Namespace) -> Search | None:
 def _refuse_together(
     options: argparse.Namespace, settings: FitSettings, *, several: bool, law_is_auto: bool
 ) -> None:
-    """Refuse options that do not go together."""
     for refused, sentence in (
         (
             settings.ties and (several or law_is_auto),
@@ -196,7 +195,6 @@ def _refuse_together(
 def _choose(
     options: argparse.Namespace, models: list[str | DamperSpec], settings: FitSettings, *, several: bool
 ) -> int:
-    """Choose among models or among laws of a command, and fit."""
     # What identifies and writes the folder is slow to load, and the help does not need it.
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from math import inf
 from typing import Any
 
+from mrwork.base.numbers import NOTHING, format_fixed
 from mrwork.base.summary import list_names
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import Unloaded, add_options_of, arguments_of
 from mrwork.cli.numbers import named_path
@@ -90,22 +92,22 @@ def _list_presets(options: argparse.Namespace) -> int:
         (spec.preset(name) for spec in models for name in spec.presets),
         key=lambda preset: (preset.rated_force or inf, preset.name, preset.spec.name),
     )
-    listed = Table(
-        columns=("force class", "preset", "model", "force (N)", "stroke (mm)", "command", "status"),
-        rows=[
-            (
-                preset.force_class or "not known",
-                preset.name,
-                preset.spec.name,
-                "-" if preset.rated_force is None else f"{preset.rated_force:.0f}",
-                "-" if preset.rated_stroke is None else f"{1e3 * preset.rated_stroke:g}",
-                preset.command_in_words or "-",
-                preset.status,
-            )
-            for preset in presets
-        ],
-        note="Force and stroke to either side that one damper is made for; a study tells runs that exceed them.",
+    columns = (
+        Column("force_class", "force class", shown=lambda words: words or "not known"),
+        Column("name", "preset"),
+        Column("spec", "model", shown=lambda spec: spec.name),
+        Column("rated_force", "force", "N", shown=partial(format_fixed, decimals=0)),
+        Column(
+            "rated_stroke",
+            "stroke",
+            "mm",
+            shown=lambda stroke: NOTHING if stroke is None else f"{1e3 * stroke:g}",
+        ),
+        Column("command_in_words", "command", shown=lambda words: words or NOTHING),
+        Column("status", "status"),
     )
+    note = "Force and stroke to either side that one damper is made for; a study tells runs that exceed them."
+    listed = Table.of(columns, presets, note=note)
     print_result(options, _as_document(presets), "\n".join(listed.lines()))
     return 0
 

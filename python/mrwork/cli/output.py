@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
     from mrwork.records import DamperTest
     from mrwork.records.reading import OnRead
-    from mrwork.records.remarks import SharedRemark
 
 PATIENCE = 2.0
 """Seconds until the progress line appears, for computations that are often shorter."""
@@ -93,10 +92,7 @@ def write_figure(path: Path, figure: Any) -> None:
 
 
 def end_addition(
-    options: argparse.Namespace,
-    result: Summarised,
-    more: Mapping[str, object],
-    below: Sequence[str] = (),
+    options: argparse.Namespace, result: Summarised, more: Mapping[str, object], below: Sequence[str] = ()
 ) -> int:
     """Show what was added to a run, and draw the page of the run; return the exit status.
 
@@ -104,11 +100,6 @@ def end_addition(
     """
     show_results(options, result, document={**result.document(), **more}, below=below)
     return renew_page(options.run_folder, quiet=is_quiet(options))
-
-
-def as_plain(remarks: Iterable[SharedRemark]) -> list[dict[str, Any]]:
-    """Remarks of the checks for --json."""
-    return [asdict(remark) for remark in remarks]
 
 
 def told_remarks(
@@ -121,7 +112,7 @@ def told_remarks(
     remarks = remarks_for(verb, tests)
     for remark in () if options.json else remarks:
         note(remark.in_words)
-    return as_plain(remarks)
+    return [asdict(remark) for remark in remarks]
 
 
 def notes_on_verdicts(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:

@@ -11,14 +11,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import Unloaded, add_options_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
-from mrwork.cli.output import (
-    check_figure,
-    is_quiet,
-    print_result,
-    progress_line,
-    show_results,
-    write_figure,
-)
+from mrwork.cli.output import check_figure, is_quiet, print_result, progress_line, show_results, write_figure
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, SettingError
@@ -138,7 +131,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _find_counts(options: argparse.Namespace) -> int:
-    """Find how many dampers keep the limit of a study, draw the figure, print the table."""
     if options.figure is not None:
         check_figure(options.figure)
     from mrwork.runs.study import read_study
@@ -169,7 +161,6 @@ def _find_counts(options: argparse.Namespace) -> int:
 
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:
-    """The responses of a study, with the histories that it stores."""
     from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.ensemble import dampers_apart
     from mrwork.study.folder import design_document, study_document, study_files
@@ -229,11 +220,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
 
 def _run_ensemble(
-    options: argparse.Namespace,
-    study: Study,
-    results: StudyResults,
-    journal: Journal,
-    line: ProgressLine,
+    options: argparse.Namespace, study: Study, results: StudyResults, journal: Journal, line: ProgressLine
 ) -> Ensemble:
     """The study with each other set of laws, read anew with its dampers, in the journal after the study itself."""
     from mrwork.runs.study import read_study

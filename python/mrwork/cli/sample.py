@@ -11,13 +11,7 @@ from mrwork.base.progress import Progress
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, add_threads, end_parser
-from mrwork.cli.output import (
-    end_addition,
-    is_quiet,
-    notes_on_verdicts,
-    progress_line,
-    told_remarks,
-)
+from mrwork.cli.output import end_addition, is_quiet, notes_on_verdicts, progress_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted

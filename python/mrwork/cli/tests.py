@@ -17,7 +17,6 @@ from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
-from mrwork.records.observation import as_words
 from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 
@@ -126,11 +125,6 @@ def opened_run(options: argparse.Namespace) -> OpenedRun:
 
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reopen(options.run_folder, on_read=on_read)
-
-
-def observation_of(options: argparse.Namespace, default: Sequence[str]) -> tuple[str, ...]:
-    """The words of --observe, checked; `default` where there is none."""
-    return as_words(options.observe or default)
 
 
 def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) -> CommandUnit:
