@@ -6,12 +6,10 @@ The classes are found by walking over the package: a new one is covered by being
 from __future__ import annotations
 
 import copy
-import importlib
 import pickle
-import pkgutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -21,21 +19,11 @@ import posterior_samples
 import pytest
 import study_samples
 from numpy.typing import NDArray
+from test_errors import classes_of_the_package
 
-import mrwork
 import mrwork as mr
 from mrwork.base.hints import resolved
 from mrwork.base.values import array_dataclass
-
-
-def data_classes() -> Iterator[type]:
-    for found in pkgutil.walk_packages(mrwork.__path__, "mrwork."):
-        if found.name.endswith("__main__"):
-            continue
-        module = importlib.import_module(found.name)
-        for kind in vars(module).values():
-            if isinstance(kind, type) and kind.__module__ == module.__name__ and is_dataclass(kind):
-                yield kind
 
 
 def is_of_arrays(hint: Any) -> bool:
@@ -69,7 +57,9 @@ def is_frozen(kind: Any) -> bool:
 
 # A function of JAX is itself alone: JAX keeps what it compiles by the function.
 KINDS = [
-    kind for kind in data_classes() if is_frozen(kind) and array_fields(kind) and "__call__" not in vars(kind)
+    kind
+    for kind in filter(is_dataclass, classes_of_the_package())
+    if is_frozen(kind) and array_fields(kind) and "__call__" not in vars(kind)
 ]
 EQUAL = vars(array_dataclass()(type("Any", (), {})))["__eq__"]
 
