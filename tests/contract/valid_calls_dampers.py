@@ -14,6 +14,7 @@ from small_damper import SMALL, WISHES
 
 import mrwork as mr
 from mrwork import dampers, motions, records
+from mrwork.base.summary import named
 from mrwork.dampers import design
 from mrwork.dampers.simulation import (
     simulate_forces,
@@ -78,7 +79,7 @@ def simulation_calls(_: Path) -> Calls:
     laws = _BINGHAM.with_current_laws({"f_c": "linear"})
     history = _loading().history()
     fields = ("dt", "displacement", "velocity", "command", "command_unit")
-    yield call(mr.Loading, **{name: getattr(_loading(), name) for name in fields})
+    yield call(mr.Loading, **named(_loading(), *fields))
     yield call(mr.simulate_force, spec=_BINGHAM, theta=theta, loading=_loading(), substep_factor=1)
     yield call(mr.simulate_force, spec=laws, theta=laws.nominal, loading=_loading())
     yield call(dampers.flops_per_step, model=_BINGHAM, theta=theta)
@@ -103,7 +104,7 @@ def record_calls(files: Path) -> Calls:
 
     yield call(mr.read_damper_test, path=record(), columns={"force": "force_N:kN"}, keep_velocity=True)
     yield call(mr.read_damper_tests, paths=[record()], columns={"force": "force_N:kN"}, keep_velocity=True)
-    signals = {name: getattr(test, name) for name in ("time", "displacement", "force")}
+    signals = named(test, "time", "displacement", "force")
     current = np.full(test.n_time, 0.5)
     values = {
         **{"name": "rig", "velocity": test.velocity, "current": current, "voltage": 1.0, "amplitude": 0.01},
@@ -111,7 +112,7 @@ def record_calls(files: Path) -> Calls:
     }
     yield call(mr.test_from_arrays, **signals, **values)
     yield call(mr.test_from_arrays, **signals, command=current, command_unit="A", keep_velocity=True)
-    yield call(mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=current)
+    yield call(mr.DamperTest, **named(test, *_FIELDS), current=current)
     yield call(test.part, first=2, last=100, every=2)
     yield call(records.cut, test=test, start=0.1, end=1.5, every=2)
     yield call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0})

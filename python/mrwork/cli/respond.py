@@ -145,8 +145,9 @@ def _find_counts(options: argparse.Namespace) -> int:
             on_progress=None if is_quiet(options) else line,
             threads=options.threads,
         )
-    drawn = {} if options.figure is None else {"figure": str(options.figure)}
+    drawn: dict[str, str] = {}
     if options.figure is not None:
+        drawn = {"figure": str(options.figure)}
         from mrwork.plots import style
         from mrwork.plots.canvas import column_axes
         from mrwork.plots.of_studies import damper_counts as figure_of
