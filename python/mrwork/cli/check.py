@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
@@ -25,6 +24,16 @@ from mrwork.records.reading import is_synthetic
 from mrwork.records.remarks import gathered_remarks, remarks_of_set
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
 from mrwork.store.input_file import is_folder
+
+_FACTS = (
+    Column("label", "file"),
+    Column("n_time", "samples"),
+    Column("dt", "rate", "Hz", shown=lambda dt: f"{1.0 / dt:g}"),
+    Column("displacement", "amplitude", "mm", shown=lambda path: f"{500.0 * np.ptp(path):.3g}"),
+    Column("velocity", "velocity", "mm/s", shown=lambda velocity: f"{1e3 * np.abs(velocity).max():.3g}"),
+    Column("force", "force", "N", shown=lambda force: f"{np.abs(force).max():.4g}"),
+    Column("", "command", of=lambda test: test.command_in_words if test.commands else ""),
+)
 
 
 def add_options(parser: CommandParser) -> None:
@@ -74,27 +83,10 @@ def run(options: argparse.Namespace) -> int:
     notes += [remark.in_words for remark in together]
     notes += [remark.in_words for remark in gathered.shared]
     if tests or options.json:
-        show_results(options, _facts(tests, notes), document=document)
+        title, facts = counted(len(tests), "test"), Table.of(_FACTS, tests)
+        summary = Summary(title=title, tables=[facts], notes=notes or ["nothing to note"])
+        show_results(options, summary, document=document)
     return 0 if len(tests) == len(rows) else 2
-
-
-def _facts(tests: Sequence[DamperTest], notes: Sequence[str]) -> Summary:
-    rows = [
-        (
-            *(test.label, str(test.n_time), f"{1.0 / test.dt:g}"),
-            f"{500.0 * np.ptp(test.displacement):.3g}",
-            f"{1e3 * np.abs(test.velocity).max():.3g}",
-            f"{np.abs(test.force).max():.4g}",
-            test.command_in_words if test.commands else "",
-        )
-        for test in tests
-    ]
-    columns = ("file", "samples", "rate [Hz]", "amplitude [mm]", "velocity [mm/s]", "force [N]", "command")
-    return Summary(
-        title=f"{counted(len(tests), 'test')}",
-        tables=[Table(columns=columns, rows=rows)],
-        notes=notes or ["nothing to note"],
-    )
 
 
 def _write_table(options: argparse.Namespace) -> int:

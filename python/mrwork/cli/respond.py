@@ -36,19 +36,15 @@ def add_options(parser: CommandParser) -> None:
         "mrwork respond study.toml", "mrwork respond study.toml --motions all --check-step --out out/checked"
     )
     parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
-    for option, says in (
-        ("--schema", "print the keys of a study file and exit"),
-        ("--laws", "print the control laws with their settings and exit"),
-        (
-            "--building",
-            "print masses, stiffnesses, periods, participation and effective modal masses of the building and exit",
-        ),
-        (
-            "--pushover",
-            "push the building sideways in its first mode, print base shear and drifts over the displacement of the "
-            "roof and exit",
-        ),
-    ):
+    listings = {
+        "--schema": "print the keys of a study file and exit",
+        "--laws": "print the control laws with their settings and exit",
+        "--building": "print masses, stiffnesses, periods, participation and effective modal masses of the building "
+        "and exit",
+        "--pushover": "push the building sideways in its first mode, print base shear and drifts over the displacement "
+        "of the roof and exit",
+    }
+    for option, says in listings.items():
         parser.option("listings", option, says, bool)
     parser.option(
         "listings",
