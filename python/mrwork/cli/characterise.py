@@ -161,7 +161,6 @@ def _fitting(
 
     With it come why no test is spare, and what the checks found, which is said first.
     """
-    # SciPy is slow to load.
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
     from mrwork.uncertainty.choice.laws import choose_laws

@@ -43,7 +43,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file, or print the text."""
-    # SciPy and the readers of runs are slow to load.
     from mrwork.identification.fit import Fit
     from mrwork.runs.export import export, exported
     from mrwork.runs.load import read_run

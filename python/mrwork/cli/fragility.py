@@ -58,7 +58,6 @@ def run(options: argparse.Namespace) -> int:
     files = [] if table is None else [table, *(table.parent / f"{table.stem}-{name}.svg" for name in names)]
     for path in files:
         check_output(path, replace=options.replace, otherwise="give --replace")
-    # SciPy and the readers of runs are slow to load.
     from mrwork.runs.load import load
     from mrwork.study.fragilities import fragility
     from mrwork.study.results import StudyResults
@@ -67,7 +66,6 @@ def run(options: argparse.Namespace) -> int:
     contents = [_table(result)] if files else []
     if files:
         with undrawn_warned("a figure", "the table stands without it"):
-            # Matplotlib is slow to load.
             from mrwork.plots import style
             from mrwork.plots.canvas import svg_bytes
             from mrwork.report.study.figures import fragility_figures

@@ -129,7 +129,6 @@ class Identification(Frame):
         `choose` takes the models, tests, threads, journals and the line of progress. Without models it takes those
         that a screening of all finds best.
         """
-        # Slow to load.
         from mrwork.uncertainty.choice.screening import screen_families
 
         if (status := self._end_complete(RANKING)) is not None:
@@ -235,7 +234,6 @@ class Identification(Frame):
             return status
 
         def draw(on_progress: OnProgress) -> None:
-            # Matplotlib is slow to load and needed for reports only.
             from mrwork.report.fit.page import fit_page
             from mrwork.runs.load import with_additions
             from mrwork.uncertainty.bands.prediction import predictions_of

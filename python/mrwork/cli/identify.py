@@ -187,7 +187,6 @@ def _refuse_together(
 def _choose(
     options: argparse.Namespace, models: list[str | DamperSpec], settings: FitSettings, *, several: bool
 ) -> int:
-    # What identifies and writes the folder is slow to load, and the help does not need it.
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
     from mrwork.uncertainty.choice.laws import choose_laws

@@ -86,7 +86,6 @@ def on_workers(options: argparse.Namespace, *, needless: str = "") -> Iterator[N
         note(f"{'--workers' if options.workers else '--cluster'} has no effect: {needless}")
         yield
         return
-    # Pools and hashes are slow to load.
     from mrwork.workers.cluster import cluster_workers
     from mrwork.workers.engine import working_on
     from mrwork.workers.local import local_workers

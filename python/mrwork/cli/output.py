@@ -106,7 +106,6 @@ def told_remarks(
     verb: Verb, tests: Sequence[DamperTest], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
     """Say what the checks found that matters to a verb, on stderr; with --json return it only, for the object."""
-    # The records are slow to load, and most helps do without them.
     from mrwork.records.remarks import remarks_for
 
     remarks = remarks_for(verb, tests)
@@ -128,7 +127,6 @@ def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:
     """Draw the page of a run, or its front alone, from what its folder holds; return the exit status of `draw_last`."""
 
     def draw(on_progress: OnProgress) -> None:
-        # Matplotlib is slow to load.
         from mrwork.report.pages import write_page
 
         write_page(folder, summary=summary, on_progress=on_progress)

@@ -39,7 +39,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Predict every test, keep what the fit has not seen for its page, and print how the forces compare."""
-    # Readers of runs and of tests are slow to load.
     from mrwork.identification.fit_file import fit_of
     from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
     from mrwork.uncertainty.bands.held_out import keep_held_out

@@ -42,7 +42,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run folder, print the table."""
-    # Readers of runs are slow to load.
     from mrwork.runs.load import StoredRun, load
 
     with adding(options.run_folder, PROFILES):

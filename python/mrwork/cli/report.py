@@ -54,7 +54,6 @@ def run(options: argparse.Namespace) -> int:
     written: list[Path] = []
 
     def draw(on_progress: OnProgress) -> None:
-        # Matplotlib is slow to load.
         from mrwork.report.fit.page import write_figures
         from mrwork.report.pages import page_of
 

@@ -113,7 +113,6 @@ def run(options: argparse.Namespace) -> int:
         raise SettingError(
             "--figure draws what --size finds; leave it out, the page has the figures of a study"
         )
-    # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
 
     return run_on_study(

@@ -60,7 +60,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
-    # SciPy is slow to load.
     from mrwork.runs.load import StoredRun, load
 
     opened = opened_run(options)
@@ -73,7 +72,6 @@ def run(options: argparse.Namespace) -> int:
         journal.close()
         if not journal.path.is_file():
             note(nothing_to_resume(options.run_folder / CHAIN))
-        # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 
         add_to_run(path, {DRAWS: draws_content(draws)}, grown=[CHAIN])

@@ -82,7 +82,6 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
 
     A velocity that the tests of `fit` keep is kept.
     """
-    # Readers of records are slow to load, and the help does not need them.
     from mrwork.records import ListedTest
     from mrwork.records.rig_table import check_given_once, files_not_read, listed_tests
 

@@ -58,7 +58,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
-    # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
     from mrwork.tuning.run import check_tables, tables_of
 
