@@ -198,12 +198,12 @@ def test_a_completion_has_every_verb_and_option_and_the_names(shell: str) -> Non
         assert verb in script
         for option in command._option_string_actions:
             assert option.lstrip("-") in script, (verb, option)
-    for name in (
+    for name in [
         "normalised_modified_bouc_wen",
         "k_w=quadratic",
         "differential_evolution",
         "clipped_optimal",
-    ):
+    ]:
         assert name in script
     document = json.loads(mrwork("completion", shell, "--json").stdout)
     assert document == {"shell": shell, "script": script.removesuffix("\n")}

@@ -131,13 +131,9 @@ def test_the_run_of_another_verb_is_replaced_by_leave_only(
     run_folder: Path, verb: str, small_inputs: Path
 ) -> None:
     other = json.loads((run_folder / "manifest.json").read_text())["verb"]
-    refused(
-        *words(verb, small_inputs),
-        "--out",
-        run_folder,
-        lost=f"{OWN_FILE[other]}.*the results of `mrwork {other}`",
-    )
-    assert mrwork(*words(verb, small_inputs), "--out", run_folder, "--replace").returncode == 0
+    command = [*words(verb, small_inputs), "--out", run_folder]
+    refused(*command, lost=f"{OWN_FILE[other]}.*the results of `mrwork {other}`")
+    assert mrwork(*command, "--replace").returncode == 0
     assert (run_folder / OWN_FILE[verb]).exists()
     assert (run_folder / "notes.txt").read_text() == "oil was warm"
     read = {"identify": mr.load, "respond": mr.study.read_results, "tune": mr.tuning.read_tuning}
