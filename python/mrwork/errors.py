@@ -64,7 +64,6 @@ class Restorable(BaseException):
     """
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """How it is made again, as `object.__reduce__`."""
         return _restore, (type(self), self.args), self.__dict__
 
 
@@ -96,7 +95,6 @@ class MrworkWarning(UserWarning):
     """A result will be computed but is likely to mislead; the text is one clear sentence, as of a `MrworkError`."""
 
     def __str__(self) -> str:
-        """The sentence, as of a `MrworkError`."""
         return _in_one_line(super().__str__())
 
 

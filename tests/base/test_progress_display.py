@@ -1,7 +1,8 @@
-"""Progress is a bar on a terminal, widgets in a notebook, and lines elsewhere; compilation is told in the end."""
+"""Progress tells where a run stands, how fast it goes and how long it may take, in a display for each place."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -12,7 +13,9 @@ from mrwork.base.progress import (
     note_compilation,
     notebook_bar,
     plain_lines,
+    since,
     terminal_bar,
+    time_left,
 )
 
 
@@ -66,3 +69,46 @@ def test_the_time_of_compilation_is_told_in_the_end() -> None:
     with ProgressLine(plain_lines(written.append)):
         note_compilation("/jax/core/compile/backend_compile_duration", 0.2)
     assert written == ["JAX compiled for 3 s"]
+
+
+BEGAN = Progress(
+    stage="search",
+    said=("search 120", "best 92.08 %"),
+    share=0.1,
+    at_most=True,
+    seconds=1.0,
+    numbers={"evaluations": 60, "steps": 120_000},
+    rated=("evaluations", "steps"),
+)
+NOW = replace(BEGAN, share=0.4, seconds=3.0, numbers={"evaluations": 5060, "steps": 10_120_000})
+
+
+def test_a_stage_tells_its_rates_and_the_time_left() -> None:
+    # 5000 evaluations and ten million steps in two seconds; 0.3 of the allowance took these, 0.6 are left.
+    assert since(BEGAN, NOW).in_words == (
+        "search 120, best 92.08 %, 2.5k evaluations/s, 5M steps/s, 3 s, at most 4 s left"
+    )
+
+
+def test_the_time_left_is_not_told_before_a_second_or_without_progress() -> None:
+    assert since(BEGAN, replace(NOW, seconds=1.9)).left is None
+    assert since(BEGAN, replace(NOW, share=0.1)).left is None
+    assert since(BEGAN, replace(NOW, share=1.2)).left == 0.0
+
+
+def test_kinds_of_work_have_rates_of_their_own() -> None:
+    assert (
+        time_left({"core": 10.0, "Python": 2.0}, {"core": 5.0, "Python": 1.0}, {"core": 1.0, "Python": 30.0})
+        == 62.0
+    )
+    assert time_left({"core": 10.0, "Python": 2.0}, {"core": 5.0}, {"core": 1.0}) is None
+    assert time_left({}, {}, {}) == 0.0
+
+
+def test_a_log_has_a_line_every_half_minute(clock: list[float]) -> None:
+    written: list[str] = []
+    with ProgressLine(plain_lines(written.append)) as line:
+        for number in range(80):
+            clock[0] = float(number)
+            line(replace(BEGAN, seconds=clock[0]))
+    assert written == [f"10 %, {replace(BEGAN, seconds=seconds).in_words}" for seconds in (30.0, 60.0)]

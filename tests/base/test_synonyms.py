@@ -11,7 +11,7 @@ import pytest
 import mrwork as mr
 from mrwork.base.keys import keys_of, meant, tables
 from mrwork.base.synonyms import SYNONYMS, without_style
-from mrwork.cli.door import whole_parser
+from mrwork.cli.door import parser, verbs
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.dampers.spec import damper_models
@@ -30,7 +30,7 @@ def known_names() -> set[str]:
     """Keys of files, settings and names of laws, models, options of commands, and arguments of public functions."""
     kinds = (*(kind for _, kind in tables(StudyTable)), *SETTINGS.values(), WeightWishes)
     names = {entry.name_in_file for kind in kinds for entry in keys_of(kind)}
-    names |= {*SETTINGS, *CONSTANT_LAWS, *(spec.name for spec in damper_models()), *options(whole_parser())}
+    names |= {*SETTINGS, *CONSTANT_LAWS, *(spec.name for spec in damper_models()), *options(parser(verbs()))}
     for name in dir(mr):
         if callable(function := getattr(mr, name)):
             try:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 import unicodedata
+from collections import Counter
 from dataclasses import replace
 from operator import itemgetter
+from pathlib import Path
 
 import pytest
 
+import mrwork
 from mrwork.base.numbers import format_rate
 from mrwork.base.remark import RemarkKind
 from mrwork.base.summary import Summary
@@ -119,3 +123,14 @@ def test_a_sentence_is_one_line_whatever_it_quotes(kind: type[Exception]) -> Non
     assert len(long) <= 2000
     assert long.startswith("rig.csv: has no column 'aaa")
     assert long.endswith("aaa'; name one")
+
+
+def test_every_code_of_a_remark_is_declared_once() -> None:
+    codes = Counter(
+        ast.unparse(call.args[0])
+        for file in Path(mrwork.__file__).parent.rglob("*.py")
+        for call in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call) and ast.unparse(call.func) == "RemarkKind"
+    )
+    assert len(codes) > 100
+    assert [code for code, count in codes.items() if count > 1] == []

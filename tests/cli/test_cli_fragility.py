@@ -11,22 +11,14 @@ import pytest
 import tuning_samples
 from command_line import mrwork, printed
 from refusals import command_refusal
+from study_texts import ONE_STOREY
 
 import mrwork as mr
 from mrwork.tuning import run as tuning_run
 
-STUDY = """design_level = "0.3 g"
-[building]
-n_storeys = 1
-masses = ["20 t"]
-stiffnesses = ["12 kN/mm"]
-height = "3 m"
-[[damper]]
-storey = 1
-preset = "kwok2006"
-count = 10
-[report]
-limit = { peak_drift_ratio = "0.4 %" }
+STUDY = f"""design_level = "0.3 g"
+{ONE_STOREY}[report]
+limit = {{ peak_drift_ratio = "0.4 %" }}
 """ + "".join(
     f"""[[motion]]
 synthetic = "kanai_tajimi"

@@ -14,13 +14,14 @@ from sentences import Refused
 
 from mrwork.cli.command_parser import examples_in
 from mrwork.cli.completion import subcommands
-from mrwork.cli.door import TOUR, verbs, whole_parser
+from mrwork.cli.door import TOUR, parser, verbs
 from mrwork.records import read_test_table
 
 # Each verb draws its page here.
 pytestmark = pytest.mark.usefixtures("pages")
 ROOT = Path(__file__).parent.parent.parent
-COMMANDS = subcommands(whole_parser())
+PARSER = parser(verbs())
+COMMANDS = subcommands(PARSER)
 EXAMPLES = [(verb, line) for verb, command in COMMANDS.items() for line in examples_in(command.epilog)]
 # What the examples of other verbs stand on, in the order in which a newcomer runs it.
 PREPARED = (
@@ -79,7 +80,7 @@ def test_every_command_of_the_tour_is_an_example() -> None:
 
 
 def test_the_demo_is_the_identification_that_it_names(folder: Path, tmp_path: Path) -> None:
-    assert whole_parser().parse_args(["demo"]).out == Path("out/demo")
+    assert PARSER.parse_args(["demo"]).out == Path("out/demo")
     printed = (folder / "demo.txt").read_text()
     (said,) = [line for line in printed.splitlines() if line.startswith("The same: ")]
     assert "Report: out/demo/report.html" in printed
@@ -150,7 +151,7 @@ def test_every_verb_has_two_examples() -> None:
 def test_an_example_runs_as_it_is_typed(verb: str, line: str, folder: Path) -> None:
     name, *words = shlex.split(line)
     assert (name, words[0]) == ("mrwork", verb)
-    whole_parser().parse_args(words)
+    PARSER.parse_args(words)
     if line not in PARSED_ONLY and line not in [each.removesuffix(" --quiet") for each in PREPARED]:
         typed(line, folder)
 
@@ -197,12 +198,12 @@ def test_a_completion_has_every_verb_and_option_and_the_names(shell: str) -> Non
         assert verb in script
         for option in command._option_string_actions:
             assert option.lstrip("-") in script, (verb, option)
-    for name in (
+    for name in [
         "normalised_modified_bouc_wen",
         "k_w=quadratic",
         "differential_evolution",
         "clipped_optimal",
-    ):
+    ]:
         assert name in script
     document = json.loads(mrwork("completion", shell, "--json").stdout)
     assert document == {"shell": shell, "script": script.removesuffix("\n")}

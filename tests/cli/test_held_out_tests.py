@@ -23,11 +23,7 @@ from mrwork.uncertainty import predict_left_out
 from mrwork.uncertainty.candidate_tests import Candidate
 
 # Commands [A] and frequencies [Hz] of the tests for each use.
-USES = {
-    "fit": ((0.0, 1.0), (0.5, 1.6), (1.0, 1.0)),
-    "calibration": ((0.5, 0.7),),
-    "test": ((1.0, 2.2),),
-}
+USES = {"fit": ((0.0, 1.0), (0.5, 1.6), (1.0, 1.0)), "calibration": ((0.5, 0.7),), "test": ((1.0, 2.2),)}
 SMALL = ("--generations", "3", "--threads", "1", "--quiet", "--json")
 # What differs from one run to the next of the same command.
 OF_THE_RUN = ("seconds", "out", "fits")

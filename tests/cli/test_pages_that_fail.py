@@ -9,27 +9,19 @@ import jinja2
 import pytest
 from command_line import mrwork, printed
 from matplotlib.figure import Figure
+from study_texts import ONE_STOREY
 
 import mrwork as mr
 from mrwork.store.run_writer import is_complete
 
 pytestmark = pytest.mark.usefixtures("pages")
 
-STUDY = """[building]
-n_storeys = 1
-masses = ["20 t"]
-stiffnesses = ["12 kN/mm"]
-height = "3 m"
-[[damper]]
-storey = 1
-preset = "kwok2006"
-count = 10
-[[tune]]
+STUDY = f"""{ONE_STOREY}[[tune]]
 laws = ["lyapunov"]
 budget = 6
 population = 6
 [report]
-limit = { peak_drift_ratio = "0.2 %" }
+limit = {{ peak_drift_ratio = "0.2 %" }}
 """
 RECORD = """[[motion]]
 synthetic = "kanai_tajimi"

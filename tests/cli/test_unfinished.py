@@ -1,4 +1,4 @@
-"""What would be lost is said before a verb computes: a killed run, a run of another verb, and what was added to one."""
+"""What would be lost is said before a verb computes: an unfinished run, one of another verb, what was added to one."""
 
 from __future__ import annotations
 
@@ -11,50 +11,12 @@ from pathlib import Path
 import pytest
 import tuning_samples
 from command_line import COMMAND, mrwork, started, wait_until
-from record_files import write_test
 from refusals import command_refusal
-from sinusoidal_tests import MOTIONS, sinusoidal_test
 from verb_folders import words
 
 import mrwork as mr
 from mrwork.errors import JournalError
 from mrwork.store.journal import n_steps
-
-FIT = ("identify", "rig", "--model", "viscous_dahl", "--fix", "k_x=800", "--every", "4", "--threads", "1")
-LINES = {
-    "identify": ("identify", "rig", "--model", "bouc_wen", "--threads", "1", "--out", "run"),
-    "laws": (*FIT, "--law", "auto", "--out", "run"),
-    "models": (*FIT[:2], "--model", "viscous_dahl,dahl", *FIT[-4:], "--out", "run"),
-    "respond": ("respond", "tuned.toml", "--motions", "all", "--threads", "1", "--out", "run"),
-    "tune": ("tune", "tuned.toml", "--threads", "1", "--out", "run"),
-    "sample": ("sample", "fit", "--walkers", "16", "--steps", "300", "--threads", "1"),
-}
-
-
-@pytest.fixture(scope="module")
-def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A rig of three motions at two commands, a study to be tuned, and a fit."""
-    place = tmp_path_factory.mktemp("inputs")
-    tuning_samples.small_files(place)
-    (place / "rig").mkdir()
-    for number, motion in enumerate(MOTIONS[:3]):
-        for command in (0.0, 1.0):
-            theta = (800.0, 200.0 + 480.0 * command, 2000.0, 20.0)
-            test = sinusoidal_test(
-                "viscous_dahl", theta, motion, noise=0.02, rng=number, cycles=5, command=command
-            )
-            write_test(place / "rig" / f"motion{number}_{command:g}A.csv", test)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(place)
-        assert mrwork(*FIT, "--out", "fit", "--quiet").returncode == 0
-    return place
-
-
-@pytest.fixture
-def folder(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    place = Path(shutil.copytree(inputs, tmp_path / "work"))
-    monkeypatch.chdir(place)
-    return place
 
 
 def steps(folder: Path) -> int:
@@ -62,60 +24,33 @@ def steps(folder: Path) -> int:
     return sum(n_steps(path) for pattern in ("*.jsonl", "*.jsonl.new") for path in folder.rglob(pattern))
 
 
-def contents(folder: Path) -> dict[Path, bytes]:
-    return {
-        path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and ".lock" not in path.name
-    }
-
-
 @pytest.mark.machine
-@pytest.mark.parametrize("name", ["identify", "models", "respond", "tune", "sample"])
-def test_a_killed_run_is_resumed_by_leave_only_and_a_complete_one_has_nothing_to_resume(
-    name: str, folder: Path
-) -> None:
-    line = LINES[name]
-    before = steps(folder)
-    with started(*COMMAND, *line) as process:
-        wait_until(lambda: steps(folder) > before + 2, process)
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
-    kept = contents(folder)
-    ended = mrwork(*line)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    (sentence,) = ended.stderr.splitlines()[-1:]
-    assert "--resume" in sentence
-    assert "--replace" in sentence
-    assert contents(folder) == kept
-    assert mrwork(*line, "--resume").returncode == 0
-    results = {path: content for path, content in contents(folder).items() if path.name == "journal.jsonl"}
-    ended = mrwork(*line, "--resume", "--json")
-    assert ended.returncode == 0
-    assert "is complete; nothing to resume" in ended.stderr
-    assert json.loads(ended.stdout)
-    assert contents(folder).items() >= results.items()
+def test_an_interrupted_run_in_its_folder_is_kept_until_replaced(tmp_path: Path) -> None:
+    line = (
+        "identify",
+        "synthetic:spencer1997",
+        "--model",
+        "bouc_wen",
+        "--threads",
+        "1",
+        "--out",
+        tmp_path / "run",
+    )
+    line += ("--search", "genetic", "--population", "16", "--generations", "30")
 
+    def status() -> str:
+        return str(json.loads((tmp_path / "run" / "manifest.json").read_text())["status"])
 
-@pytest.mark.machine
-def test_an_interrupted_run_in_its_folder_is_kept_until_replaced(folder: Path) -> None:
-    line = (*LINES["identify"], "--search", "genetic", "--population", "16", "--generations", "30")
-    before = steps(folder)
     with started(*COMMAND, *line) as process:
-        wait_until(lambda: steps(folder) > before + 5, process)
+        wait_until(lambda: steps(tmp_path) > 5, process)
         process.send_signal(signal.SIGINT)
         process.communicate()
-    assert json.loads(Path("run/manifest.json").read_text())["status"] == "interrupted"
+    assert status() == "interrupted"
     command_refusal(*line, match="--replace")
     assert mrwork(*line, "--replace").returncode == 0
-    assert json.loads(Path("run/manifest.json").read_text())["status"] != "interrupted"
+    assert status() != "interrupted"
     # A complete run of the same verb is replaced as before.
     assert mrwork(*line).returncode == 0
-
-
-def test_a_complete_comparison_of_other_tests_is_not_taken_for_this_one(folder: Path) -> None:
-    line = LINES["laws"]
-    assert mrwork(*line).returncode == 0
-    other = [word.replace("rig", "rig/motion0_0A.csv") for word in line]
-    command_refusal(*other, "--resume", match="is of other tests")
 
 
 def test_a_journal_in_python_is_continued_or_replaced_by_leave_only(tmp_path: Path) -> None:
@@ -196,13 +131,9 @@ def test_the_run_of_another_verb_is_replaced_by_leave_only(
     run_folder: Path, verb: str, small_inputs: Path
 ) -> None:
     other = json.loads((run_folder / "manifest.json").read_text())["verb"]
-    refused(
-        *words(verb, small_inputs),
-        "--out",
-        run_folder,
-        lost=f"{OWN_FILE[other]}.*the results of `mrwork {other}`",
-    )
-    assert mrwork(*words(verb, small_inputs), "--out", run_folder, "--replace").returncode == 0
+    command = [*words(verb, small_inputs), "--out", run_folder]
+    refused(*command, lost=f"{OWN_FILE[other]}.*the results of `mrwork {other}`")
+    assert mrwork(*command, "--replace").returncode == 0
     assert (run_folder / OWN_FILE[verb]).exists()
     assert (run_folder / "notes.txt").read_text() == "oil was warm"
     read = {"identify": mr.load, "respond": mr.study.read_results, "tune": mr.tuning.read_tuning}

@@ -94,17 +94,6 @@ def test_unit_is_even_in_the_scale_of_the_parameter(spec):
             assert value == pytest.approx(middle_value, abs=1e-15 * parameter.upper)
 
 
-def test_log_slope_is_that_of_the_numerical_derivative(box):
-    latent = np.random.default_rng(53).normal(size=(N_BATCH, len(box.free)))
-    step = 1e-5
-    free = list(box.free)
-    ahead = box.theta_from_latent(latent + step)[:, free]
-    behind = box.theta_from_latent(latent - step)[:, free]
-    # The map is coordinate by coordinate, so all may be shifted at once and the determinant is a product.
-    expected = np.log((ahead - behind) / (2.0 * step))
-    np.testing.assert_allclose(box.log_slope(latent), expected, rtol=0.0, atol=1e-7)
-
-
 @on_numpy_and_jax
 def test_points_on_the_faces_are_pulled_to_where_latent_is_finite(box, xp):
     faces = xp.asarray(np.tile([box.lower, box.upper], (N_BATCH // 2, 1)))
@@ -144,7 +133,7 @@ def test_numpy_and_jax_agree_and_stay_what_they_are(box):
 
 @on_jax
 def test_maps_are_differentiable(box):
-    latent = jnp.zeros(len(box.free))
+    latent = jnp.asarray(np.random.default_rng(53).normal(size=len(box.free)))
     both = jax.jit(lambda latent: (jax.jacfwd(box.theta_from_latent)(latent), box.log_slope(latent)))
     derivative, log_slope = both(latent)
     jacobian = np.asarray(derivative)[np.array(box.free)]

@@ -11,7 +11,7 @@ from damper_samples import DT, noise, random_theta, sine
 from refusals import refusal
 from test_damper_batch import assert_same_bits
 from test_damper_current_laws import followed, stepped_command, theta_of, with_laws
-from test_damper_twin import OF_STATES, rows_to_compare
+from test_damper_twin import OF_STATES
 
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import parameters_at
@@ -34,26 +34,6 @@ def theta(spec, history):
     """Candidates whose sub-steps differ, in random order, with the nominal one among them."""
     candidates = np.vstack([spec.nominal, random_theta(spec, 60, rng=31)])
     return candidates[simulate_forces(spec, candidates, history).substeps <= MOST_SUBSTEPS][:20]
-
-
-def test_derivative_is_the_difference_quotient_of_the_kernel(spec, history):
-    # As in the test of the twin: rounding and curvature of the quotient, rows that change their sub-steps left out.
-    least = np.array([abs(p.nominal) if p.scale != "log" else 0.0 for p in spec.parameters])
-    compared = 0
-    for theta in rows_to_compare(spec, history, 6):
-        step = 2e-6 * np.maximum(np.abs(theta), least)
-        shifted = np.concatenate([theta + np.diag(step), theta - np.diag(step)])
-        run = simulate_forces(spec, np.vstack([theta, shifted]), history)
-        if len(set(run.substeps)) > 1:
-            continue
-        ahead, behind = np.split(run.force[1:], 2)
-        difference = (ahead - behind) / (2.0 * step)[:, None]
-        exact = simulate_sensitivities(spec, theta[None], history).jacobian[0]
-        error = np.linalg.norm(exact - difference, axis=1)
-        rounding = np.linalg.norm(run.force[0]) * 2e-15 / step
-        assert np.all(error <= 1e-5 * np.linalg.norm(difference, axis=1) + rounding)
-        compared += 1
-    assert compared >= 4
 
 
 # The chain rule of laws and lag does not know the model but for its states; each wants a compilation.

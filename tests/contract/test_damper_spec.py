@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import re
 
-import numpy as np
-
 from mrwork import _rust
 from mrwork.base.units import unit_of
 from mrwork.dampers import damper_models
@@ -58,9 +56,3 @@ def test_an_equation_of_motion_is_given_for_each_state(spec):
 def test_step_is_cheap(spec):
     # Counted, not timed: beyond this a search takes several times as long as with any other model.
     assert 0 < _rust.flops_per_step(spec.name, spec.nominal) < FLOPS_CEILING
-
-
-def test_facade_is_the_compiled_spec(spec):
-    entry = next(entry for entry in _rust.damper_specs() if entry["name"] == spec.name)
-    assert [parameter["name"] for parameter in entry["parameters"]] == list(spec.names)
-    np.testing.assert_array_equal([parameter["nominal"] for parameter in entry["parameters"]], spec.nominal)

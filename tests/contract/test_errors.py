@@ -17,17 +17,21 @@ from mrwork import errors
 from mrwork.errors import Interrupted, MrworkError, RecordError
 
 
-def errors_of_the_package() -> Iterator[type[BaseException]]:
+def classes_of_the_package() -> Iterator[type]:
     for found in pkgutil.walk_packages(mrwork.__path__, "mrwork."):
         if found.name.endswith("__main__"):
             continue
         module = importlib.import_module(found.name)
-        for each in vars(module).values():
-            if isinstance(each, type) and issubclass(each, BaseException) and each.__module__ == found.name:
-                yield each
+        yield from (
+            each for each in vars(module).values() if isinstance(each, type) and each.__module__ == found.name
+        )
 
 
-ERRORS = {f"{each.__module__}.{each.__name__}": each for each in errors_of_the_package()}
+ERRORS = {
+    f"{each.__module__}.{each.__name__}": each
+    for each in classes_of_the_package()
+    if issubclass(each, BaseException)
+}
 # What a constructor takes, by the name of the argument; a text for any other.
 GIVEN: dict[str, Any] = {
     "kind": RecordError,

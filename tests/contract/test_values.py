@@ -6,10 +6,10 @@ The classes are found by walking over the package: a new one is covered by being
 from __future__ import annotations
 
 import copy
-import importlib
 import pickle
-import pkgutil
-from collections.abc import Callable, Iterator
+import subprocess
+import sys
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -19,21 +19,11 @@ import posterior_samples
 import pytest
 import study_samples
 from numpy.typing import NDArray
+from test_errors import classes_of_the_package
 
-import mrwork
 import mrwork as mr
 from mrwork.base.hints import resolved
 from mrwork.base.values import array_dataclass
-
-
-def data_classes() -> Iterator[type]:
-    for found in pkgutil.walk_packages(mrwork.__path__, "mrwork."):
-        if found.name.endswith("__main__"):
-            continue
-        module = importlib.import_module(found.name)
-        for kind in vars(module).values():
-            if isinstance(kind, type) and kind.__module__ == module.__name__ and is_dataclass(kind):
-                yield kind
 
 
 def is_of_arrays(hint: Any) -> bool:
@@ -67,7 +57,9 @@ def is_frozen(kind: Any) -> bool:
 
 # A function of JAX is itself alone: JAX keeps what it compiles by the function.
 KINDS = [
-    kind for kind in data_classes() if is_frozen(kind) and array_fields(kind) and "__call__" not in vars(kind)
+    kind
+    for kind in filter(is_dataclass, classes_of_the_package())
+    if is_frozen(kind) and array_fields(kind) and "__call__" not in vars(kind)
 ]
 EQUAL = vars(array_dataclass()(type("Any", (), {})))["__eq__"]
 
@@ -164,3 +156,21 @@ def test_what_the_caller_writes_into_an_array_afterwards_changes_no_object(
     np.testing.assert_array_equal(getattr(found, name), np.linspace(0.0, 1.0, 150))
     with pytest.raises(ValueError, match="read-only"):
         getattr(found, name)[0] = 1.0
+
+
+def test_a_test_from_another_process_is_repaired_with_its_remarks() -> None:
+    time = np.arange(400) / 200.0
+    late = 0.1 * np.cos(10.0 * (time - 0.01))
+    test = mr.test_from_arrays(time, 0.01 * np.sin(10.0 * time), 500.0 * np.sin(10.0 * time), velocity=late)
+    told = {remark.code for remark in test.remarks}
+    code = (
+        "import pickle, sys; test = pickle.load(sys.stdin.buffer)\n"
+        "import mrwork as mr\n"
+        "print(*(each.code for each in mr.records.repair(test, ['velocity'])[0].remarks))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps(test), capture_output=True, check=True
+    )
+    left = {*done.stdout.decode().split()}
+    assert "velocity_late" in told - left
+    assert "repaired_velocity" in left

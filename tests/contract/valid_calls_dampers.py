@@ -14,6 +14,7 @@ from small_damper import SMALL, WISHES
 
 import mrwork as mr
 from mrwork import dampers, motions, records
+from mrwork.base.summary import named
 from mrwork.dampers import design
 from mrwork.dampers.simulation import (
     simulate_forces,
@@ -78,7 +79,7 @@ def simulation_calls(_: Path) -> Calls:
     laws = _BINGHAM.with_current_laws({"f_c": "linear"})
     history = _loading().history()
     fields = ("dt", "displacement", "velocity", "command", "command_unit")
-    yield call(mr.Loading, **{name: getattr(_loading(), name) for name in fields})
+    yield call(mr.Loading, **named(_loading(), *fields))
     yield call(mr.simulate_force, spec=_BINGHAM, theta=theta, loading=_loading(), substep_factor=1)
     yield call(mr.simulate_force, spec=laws, theta=laws.nominal, loading=_loading())
     yield call(dampers.flops_per_step, model=_BINGHAM, theta=theta)
@@ -103,7 +104,7 @@ def record_calls(files: Path) -> Calls:
 
     yield call(mr.read_damper_test, path=record(), columns={"force": "force_N:kN"}, keep_velocity=True)
     yield call(mr.read_damper_tests, paths=[record()], columns={"force": "force_N:kN"}, keep_velocity=True)
-    signals = {name: getattr(test, name) for name in ("time", "displacement", "force")}
+    signals = named(test, "time", "displacement", "force")
     current = np.full(test.n_time, 0.5)
     values = {
         **{"name": "rig", "velocity": test.velocity, "current": current, "voltage": 1.0, "amplitude": 0.01},
@@ -111,7 +112,7 @@ def record_calls(files: Path) -> Calls:
     }
     yield call(mr.test_from_arrays, **signals, **values)
     yield call(mr.test_from_arrays, **signals, command=current, command_unit="A", keep_velocity=True)
-    yield call(mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=current)
+    yield call(mr.DamperTest, **named(test, *_FIELDS), current=current)
     yield call(test.part, first=2, last=100, every=2)
     yield call(records.cut, test=test, start=0.1, end=1.5, every=2)
     yield call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0})
@@ -155,12 +156,8 @@ def motion_calls(files: Path) -> Calls:
         values,
         *(mr.synthetic_motion, mr.response_spectrum, motions.suite, motions.en_1998_spectrum),
         *(motions.asce_7_spectrum, motions.scaled_to_target, motions.check_suite),
-        *(
-            motions.fitted_spectrum,
-            motions.stationary_ground,
-            target.acceleration,
-            motions.ShakeTable().demand,
-        ),
+        *(motions.fitted_spectrum, motions.stationary_ground),
+        *(target.acceleration, motions.ShakeTable().demand),
         *(motions.baseline_corrected, motions.scaled, motions.scaled_to_peak),
         *(motions.time_scaled, motions.trimmed, motions.sine, motions.near_fault_pulse),
         *(motions.resampled, motions.ShakeTable().driven),
@@ -190,14 +187,8 @@ def material_calls(_: Path) -> Calls:
     yield call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5))
     flow |= {"slot": _SLOT, "wall_speed": 0.1}
     yield from calls_with(flow, design.annular_pressure, design.plate_pressure)
-    parts = {
-        "fluid": _FLUID,
-        "steel": _STEEL,
-        "gap_area": 5e-4,
-        "areas": (3e-4, 4e-4),
-        "lengths": (0.05, 0.06),
-    }
-    yield call(design.MagneticCircuit, **parts, turns=200, gap=1e-3)
+    parts = {"fluid": _FLUID, "steel": _STEEL, "areas": (3e-4, 4e-4), "lengths": (0.05, 0.06)}
+    yield call(design.MagneticCircuit, **parts, gap_area=5e-4, turns=200, gap=1e-3)
     yield call(_circuit().ampere_turns, field=np.array([0.0, 1e5]))
     currents = {"current": np.array([0.0, 1.0])}
     yield from calls_with(currents, _circuit().field, _circuit().flux, _circuit().inductance)
@@ -212,14 +203,8 @@ def damper_design_calls(_: Path) -> Calls:
     yield from calls_with({"current": np.array([0.0, 1.0])}, large.yield_stress, large.inductance)
     yield call(large.response_time, supply=100.0)
     yield call(large.as_model, supply=100.0)
-    further = {
-        "response_time": 1.0,
-        "current_density": 4e6,
-        "stress": 1e8,
-        "least_gap": 5e-4,
-        "friction": 10.0,
-    }
-    yield call(design.DamperWishes, **WISHES, **further)
+    further = {"response_time": 1.0, "current_density": 4e6, "stress": 1e8, "least_gap": 5e-4}
+    yield call(design.DamperWishes, **WISHES, **further, friction=10.0)
     yield call(_WISHES.missed, design=large)
     values = {"wishes": _WISHES, "fluid": _FLUID, "steel": _STEEL, "rng": 0, "on_progress": _continue}
     yield from calls_with({**values, "search": "differential_evolution", "budget": 60}, design.size_damper)

@@ -73,14 +73,8 @@ def identification_calls(_: Path) -> Calls:
     yield call(mr.identify, tests=(quick,), **rest)
     # Of one candidate, without effects of each test.
     weighed = {"weights": [np.linspace(0.0, 1.0, test.n_time)], "masks": [np.arange(test.n_time) > 3]}
-    huber = {
-        "loss": "huber",
-        "loss_scale": 100.0,
-        "coordinates": "unit",
-        "tests": (test,),
-        "observe": "gain=1.1",
-    }
-    yield from calls_with(values | weighed | huber, mr.objective)
+    huber = {"loss": "huber", "loss_scale": 100.0, "coordinates": "unit", "observe": "gain=1.1"}
+    yield from calls_with(values | weighed | huber | {"tests": (test,)}, mr.objective)
     yield call(Race, samples=2, starts=1, population=5, generations=2, most_rounds=1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
     yield call(mr.fit_like, fit=fit, model="bingham", rng=1, threads=1)
@@ -124,14 +118,8 @@ def uncertainty_calls(folder: Path) -> Calls:
     yield call(uncertainty.predict_beyond, **left_out)
     yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen", beyond=[_prediction()])
     yield call(uncertainty.Band, level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a")
-    values = {
-        **{
-            "band": uncertainty.Band.about(np.zeros(9), 1.0, level=0.9),
-            "measured": np.linspace(-2.0, 2.0, 9),
-        },
-        "per": 2.0,
-    }
-    yield from calls_with(values, uncertainty.score)
+    band = uncertainty.Band.about(np.zeros(9), 1.0, level=0.9)
+    yield call(uncertainty.score, band=band, measured=np.linspace(-2.0, 2.0, 9), per=2.0)
     values = {
         **{"fit": fit, "tests": test, "level": 0.9, "threads": 1, "rng": 0, "draws": small_draws()},
         **{"candidates": [uncertainty.Candidate(amplitude=0.01, frequency=1.0)], "band": "force"},

@@ -10,6 +10,7 @@ from loop_samples import devices, five_storeys, rd1005, sweep
 from study_samples import results
 
 import mrwork as mr
+from mrwork.base.summary import named
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.linear.lqr import weighed_state
 from mrwork.control.linear.plant import Outputs, stack_outputs
@@ -23,19 +24,8 @@ def _viscous(sample: mr.closed_loop.LoopSample, _: np.ndarray) -> np.ndarray:
 def buildings_calls(_: Path) -> Calls:
     """Buildings, and what is built into them."""
     of, frame = mr.buildings, five_storeys()
-    facts = {
-        name: getattr(frame, name)
-        for name in (
-            "mass",
-            "damping",
-            "stiffness",
-            "influence",
-            "floors",
-            "storeys",
-            "floor_names",
-            "storey_names",
-        )
-    } | {"name": "x", "source": "s", "status": "ours"}
+    names = "mass damping stiffness influence floors storeys floor_names storey_names"
+    facts = named(frame, *names.split()) | {"name": "x", "source": "s", "status": "ours"}
     yield call(mr.Building, **facts, n_strokes=0)
     yield call(frame.state_matrices, rows=frame.storeys)
     tall = replace(frame, heights=np.full(5, 3.0))
@@ -82,7 +72,7 @@ def plants_calls(_: Path) -> Calls:
         **{"noise_intensity": np.full(7, 0.02), "unmodelled": 1e-6},
     }
     yield from calls_with(values, of.drifts, of.accelerations, of.deformations, of.observer_of)
-    yield call(Outputs, **{name: getattr(outputs, name) for name in ("names", "C", "D", "G")})
+    yield call(Outputs, **named(outputs, "names", "C", "D", "G"))
     yield call(of.optimal_surface, plant=plant)
 
 
@@ -149,20 +139,11 @@ def loop_calls(_: Path) -> Calls:
     law = mr.ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
     share = mr.ControlLaw(name="decentralised_bang_bang")
     run = mr.simulate_loop(frame, loop, law, [motion], histories=True, threads=1)
-    device = {
-        name: getattr(loop[0], name) for name in ("name", "spec", "theta", "row", "largest_command", "count")
-    }
+    device = named(loop[0], "name", "spec", "theta", "row", "largest_command", "count")
     yield call(mr.Device, **device, differential=True, lag=190.0)
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
-    demand = {
-        "stroke": 0.01,
-        "velocity": 0.1,
-        "force": 1e3,
-        "energy": 1.0,
-        "seconds": 3.0,
-        "peak_command": 1.0,
-    }
-    yield call(loop[0].demand, **demand, mean_command=0.5)
+    demand = {"stroke": 0.01, "velocity": 0.1, "force": 1e3, "energy": 1.0, "seconds": 3.0}
+    yield call(loop[0].demand, **demand, peak_command=1.0, mean_command=0.5)
     hardware = {
         **{"sample_time": 1e-3, "step": 5e-4, "delay": 1e-3, "command_rate": 100.0, "feedback": "observer"},
         **{"measured_floors": (0, 4), "noise_ratio": 50.0, "acceleration_noise": 0.01, "seed": 3},

@@ -1,11 +1,12 @@
 """Long verbs that are killed, interrupted or out of disk: the earlier results stay, and the verb goes on to the same.
 
-A process sends the signal to itself, at one of the files or folders that it is about to make: a moment that no load of
-the machine moves.
+A process sends the signal to itself, at one of the files, folders or lines of journals that it is about to make: a
+moment that no load of the machine moves.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import resource
@@ -26,6 +27,7 @@ from record_files import write_test
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
+from mrwork.store.journal import n_steps
 
 
 def fit_of(run: Any) -> object:
@@ -74,28 +76,37 @@ JOBS = {
         part=lambda run: [(law.settings, run.judgement(law, "test")) for law in run.tuned.laws],
     ),
 }
-# Signals itself at the file or folder of that number that it is about to make in its folder; 0 is none.
+# Signals itself at the file, folder or line of a journal of that number that it is about to make; 0 is none.
 PROGRAM = """
 import os, signal, sys
 from blank_pictures import no_pages
 from mrwork.cli import main
+from mrwork.store.journal import Journal
 
 number, point = int(sys.argv[1]), int(sys.argv[2])
 del sys.argv[1:3]
 here, events = os.getcwd(), 0
 
-def watch(event, arguments):
+def step():
     global events
+    events += 1
+    if events == point:
+        os.kill(os.getpid(), number)
+
+def watch(event, arguments):
     if event == "open" and not (isinstance(arguments[2], int) and arguments[2] & (os.O_WRONLY | os.O_RDWR)):
         return
     if event not in ("open", "os.mkdir") or not isinstance(arguments[0], (str, os.PathLike)):
         return
     if os.path.abspath(arguments[0]).startswith(here):
-        events += 1
-        if events == point:
-            os.kill(os.getpid(), number)
+        step()
+
+def write(journal, lines, written=Journal._write):
+    step()
+    written(journal, lines)
 
 sys.addaudithook(watch)
+Journal._write = write
 try:
     with no_pages():
         main()
@@ -131,8 +142,17 @@ class Stage:
     largest: int
 
     def goes_on(self, folder: Path) -> None:
-        """The run is the old or the new one, the same command makes the new one, and the user's file is there."""
+        """The run is the old or the new one, the same command makes the new one, and the user's file is there.
+
+        Steps are resumed or replaced by leave only, and where all are there nothing is to resume.
+        """
         assert results(self.job, folder) in (self.old, self.new)
+        if self.job.resume and self.is_unfinished(folder):
+            kept = contents(folder)
+            ended = done(self.job.words, folder)
+            assert (ended.returncode, ended.stdout) == (2, "")
+            assert re.search("--resume .*--replace", ended.stderr.splitlines()[-1])
+            assert contents(folder) == kept
         ended = done(self.job.words, folder, *self.job.resume)
         if ended.returncode == 2 and "without --resume" in ended.stderr:
             ended = done(self.job.words, folder)
@@ -141,6 +161,23 @@ class Stage:
         assert ended.returncode == 0, ended.stderr
         assert results(self.job, folder) == self.new
         assert (folder / "run" / "notes.txt").read_text() == "mine"
+        if self.job.resume:
+            again = done(self.job.words, folder, "--resume", "--json")
+            assert (again.returncode, "is complete; nothing to resume" in again.stderr) == (0, True)
+            assert json.loads(again.stdout)
+            assert results(self.job, folder) == self.new
+
+    @staticmethod
+    def is_unfinished(folder: Path) -> bool:
+        """Whether steps were recorded, and no commit has begun, which is ended whatever comes next."""
+        has_steps = any(n_steps(path) for path in folder.rglob("*.jsonl.new"))
+        return has_steps and "replaced" not in json.loads((folder / "run" / "manifest.json").read_text())
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {
+        path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and ".lock" not in path.name
+    }
 
 
 @pytest.fixture(scope="module")
@@ -182,12 +219,20 @@ def folder(stage: Stage, tmp_path: Path) -> Path:
     return Path(shutil.copytree(stage.before, tmp_path / "work"))
 
 
+def test_a_complete_comparison_of_other_tests_is_not_taken_for_this_one(inputs: Path, tmp_path: Path) -> None:
+    folder, words = Path(shutil.copytree(inputs, tmp_path / "work")), JOBS["laws"].words
+    assert done(words, folder).returncode == 0
+    ended = done(words.replace("rig", "rig/0.csv"), folder, "--resume")
+    assert (ended.returncode, "is of other tests" in ended.stderr) == (2, True)
+
+
 @pytest.mark.parametrize("third", [2, 3])
 def test_a_killed_verb_loses_nothing_and_goes_on_to_the_same_results(
     stage: Stage, folder: Path, third: int
 ) -> None:
     ended = signalled(stage.job, folder, signal.SIGKILL, max(third * stage.events // 3, 1))
     assert ended.returncode == -signal.SIGKILL, ended.stderr
+    assert stage.is_unfinished(folder) or third == 3 or not stage.job.resume
     stage.goes_on(folder)
 
 

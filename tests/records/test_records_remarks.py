@@ -231,7 +231,7 @@ def test_a_velocity_of_no_known_factor_is_told_but_not_refused(factor: float) ->
     columns = clean_columns()
     columns["velocity_mps"] = factor * columns["velocity_mps"]
     test = built(columns)
-    assert f"is {factor:.4g} times" in message(test, "velocity_inconsistent")
+    assert f"is {factor:.4g} times" in message(test, "velocity_unit_unclear")
     mr.identification.Objective.of(damper("bingham"), (test,))
 
 
@@ -254,7 +254,7 @@ def test_differences_of_quantised_readings_are_not_used_for_the_velocity(step: f
     np.testing.assert_array_equal(test.velocity, derived.velocity)
 
 
-@pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_difference"), (-2.0, "velocity_inconsistent")])
+@pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_difference"), (-2.0, "velocity_far_late")])
 def test_a_shifted_velocity_is_told_by_its_delay(late: float, code: str) -> None:
     columns = clean_columns()
     columns["velocity_mps"] = AMPLITUDE * OMEGA * np.cos(OMEGA * (columns["t_s"] - late * DT))

@@ -150,9 +150,7 @@ def test_the_force_table_is_the_force_of_the_model_in_the_middle_of_the_stroke(
     fit: Fit, tmp_path: Path
 ) -> None:
     rows = table_of(mr.export(fit, "csv", tmp_path / "force.csv"))
-    assert list(rows[0]) == [
-        *("command [A]", "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"),
-    ]
+    assert list(rows[0]) == ["command [A]", "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"]
     assert sorted({float(row["command [A]"]) for row in rows}) == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert fit.tested is not None
     for row in (rows[0], rows[-1], rows[len(rows) // 2 + 3]):

@@ -22,3 +22,15 @@ law = "clipped_optimal"
 [controller.settings]
 {settings}
 """
+
+
+ONE_STOREY = """[building]
+n_storeys = 1
+masses = ["20 t"]
+stiffnesses = ["12 kN/mm"]
+height = "3 m"
+[[damper]]
+storey = 1
+preset = "kwok2006"
+count = 10
+"""

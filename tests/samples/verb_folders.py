@@ -9,9 +9,9 @@ import tuning_samples
 from command_line import printed
 
 from mrwork.cli.completion import subcommands
-from mrwork.cli.door import whole_parser
+from mrwork.cli.door import parser, verbs
 
-COMMANDS = subcommands(whole_parser())
+COMMANDS = subcommands(parser(verbs()))
 RECORD = ("synthetic:spencer1997", "--every", 40)
 FIXED = ("--model", "static_hysteretic", "--fix", "x_s=1e-4")
 

@@ -17,14 +17,7 @@ from mrwork.dampers import damper
 from mrwork.files.matrices import read_matrix
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test, read_test_table
-from mrwork.store.input_file import (
-    LEAST,
-    TOML,
-    Allowance,
-    bytes_of,
-    is_there,
-    text_of,
-)
+from mrwork.store.input_file import LEAST, TOML, Allowance, bytes_of, is_there, text_of
 from mrwork.store.members import _lines, members_of
 from mrwork.study import read_results, read_study
 from mrwork.uncertainty.candidate_tests import read_candidates

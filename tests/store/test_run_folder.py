@@ -7,12 +7,10 @@ import fcntl
 import json
 import math
 import os
-import resource
 import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -193,10 +191,7 @@ def test_a_verb_replaces_its_own_run_and_keeps_what_the_user_added(tmp_path: Pat
 def refused(place: Path, kind: RunKind, lost: str) -> None:
     """Nothing may be written, nothing changes, and what would be lost is named."""
     before = contents(place.parent)
-    for call in (
-        RunAtWork(place, kind).check_losses,
-        lambda: written(place, kind, text="second"),
-    ):
+    for call in (RunAtWork(place, kind).check_losses, lambda: written(place, kind, text="second")):
         refusal(call, match=f"would lose .*{lost}.* --replace")
     assert contents(place.parent) == before
 
@@ -374,22 +369,6 @@ def test_a_cut_off_commit_is_read_where_it_cannot_be_ended(
     assert contents(place) == before
     assert RunFolder.open(place).content(RESULTS) == b"second"
     assert (place / RESULTS).read_bytes() == b"second"
-
-
-def test_a_full_disk_leaves_the_earlier_run(tmp_path: Path) -> None:
-    place = tmp_path / "run"
-    written(place, STUDY_RUN)
-    before, limits = contents(place), resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
-    try:
-        add = partial(add_to_run, place, {RESULTS: b"x" * 200_000})
-        refusal(add, match="File too large; make room, .* what was there is untouched")
-        run = RunFolder.open(place)
-        assert is_whole(run)
-        assert {name: content for name, content in contents(place).items() if name in before} == before
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    add()
 
 
 @pytest.mark.parametrize("there", [False, True])

@@ -78,11 +78,8 @@ def tests_by_line(folder: Path) -> dict[str, dict[int, list[str]]]:
 
 def draw(folder: Path, seed: int, each: int = 2) -> list[dict[str, Any]]:
     """So many faults of each room, of different kinds."""
-    rng, tests, rooms = (
-        random.Random(seed),
-        tests_by_line(folder),
-        defaultdict[str, Any](lambda: defaultdict(list)),
-    )
+    rng, tests = random.Random(seed), tests_by_line(folder)
+    rooms = defaultdict[str, Any](lambda: defaultdict(list))
     for path in sorted(PACKAGE.glob("*/**/*.py")):
         file, text = path.relative_to(PACKAGE).as_posix(), path.read_text()
         for node, kind, new in faults(ast.parse(text)):
@@ -132,11 +129,5 @@ if __name__ == "__main__":
         executed = tests_by_line(Path(second))
         for planted in json.loads(Path(first).read_text()):
             caught = plant(planted, executed[planted["file"]][planted["line"]], Path(more[0]))
-            print(
-                planted["file"],
-                planted["line"],
-                planted["kind"],
-                caught or "not caught",
-                sep=", ",
-                flush=True,
-            )
+            facts = (planted[name] for name in ("file", "line", "kind"))
+            print(*facts, caught or "not caught", sep=", ", flush=True)

@@ -196,7 +196,6 @@ def _error(parameter: str, function: str, refusal: Refusal, owner: type | None =
 
 
 def _check_shapes(shapes: Mapping[str, Shape], function: str, values: Mapping[str, Any]) -> None:
-    """Refuse an array with other axes, or other lengths than the arrays before it."""
     lengths: dict[str, int] = {}
     for parameter, shape in shapes.items():
         value = values.get(parameter)

@@ -43,7 +43,6 @@ on_one_blas_thread = one_blas_thread()
 
 @contextmanager
 def _limited() -> Iterator[None]:
-    """Limit the libraries that are loaded, and by a variable a BLAS that is loaded later."""
     limit = _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
     before = os.environ.get(_THREADS)
     os.environ[_THREADS] = "1"

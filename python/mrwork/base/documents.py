@@ -177,7 +177,6 @@ def _accept(node: Node, value: Any, place: Place) -> Any:
 
 
 def _name(place: Place) -> str:
-    """Name of a value in messages: the key, with the index of an element."""
     length = max(n for n, part in enumerate(place.path, start=1) if isinstance(part, str))
     return str(place.path[length - 1]) + "".join(f"[{number}]" for number in place.path[length:])
 

@@ -189,7 +189,6 @@ class ProgressLine:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Clear the line, and say how long JAX compiled."""
         compiled = sum(COMPILATIONS[self._n_compiled :])
         if self._display is not None:
             text = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= 1.0 else ""

@@ -95,11 +95,6 @@ class Remark:
     words: tuple[str, ...] = ()
 
     @property
-    def kind(self) -> RemarkKind:
-        """The kind that declares the code."""
-        return REMARK_KINDS[self.code]
-
-    @property
     def in_words(self) -> str:
         """Severity and message, as a line of the terminal."""
         return f"{self.severity}: {self.message}"

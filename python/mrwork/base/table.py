@@ -217,7 +217,6 @@ def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _columns_in_words(rows: Sequence[Sequence[str]]) -> tuple[int, ...]:
-    """Places of the columns, behind the first, that are not of numbers."""
     columns = zip(*rows, strict=True)
     return tuple(index for index, column in enumerate(columns) if index and not all(map(_is_numeric, column)))
 

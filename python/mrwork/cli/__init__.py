@@ -2,6 +2,8 @@
 
 Exit status: 0 done; 2 bad input, or no stdout, space or memory (one line on stderr); 130 interrupted by Ctrl-C,
 143 ended by SIGTERM (what was finished is kept).
+
+What is slow to load, and a help does without, is imported within the functions of a verb.
 """
 
 from __future__ import annotations

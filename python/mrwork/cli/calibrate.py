@@ -10,7 +10,8 @@ from mrwork.cli.derived import add_options_of
 from mrwork.cli.options import add_run, add_threads, end_parser, on_workers
 from mrwork.cli.output import end_addition, is_quiet, progress_line, told_remarks
 from mrwork.cli.terminal import note
-from mrwork.cli.tests import add_files, add_observation, observation_of, opened_run, read_tests
+from mrwork.cli.tests import add_files, add_observation, opened_run, read_tests
+from mrwork.records.observation import as_words
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.calibration_files import StoredBands, cross_validated, write_bands
@@ -58,7 +59,7 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
     from mrwork.records import observed
 
     fit = read_fit(options.run_folder)
-    words = observation_of(options, fit.settings.observe)
+    words = as_words(options.observe or fit.settings.observe)
     _, read = read_tests(options, "calibration", fit)
     remarks = told_remarks("calibrate", read, options)
     tests = [observed(test, words) for test in read]

@@ -21,7 +21,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page, told_remarks
 from mrwork.cli.terminal import note, show
-from mrwork.cli.tests import add_observation, command_unit, observation_of
+from mrwork.cli.tests import add_observation, command_unit, reading_of_rows
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit
@@ -30,13 +30,12 @@ from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table,
 from mrwork.records.checks import ONE_WAY
 from mrwork.records.columns import COMMAND
 from mrwork.records.contradictions import refuse_velocity
-from mrwork.records.observation import DETECT, WEIGH
+from mrwork.records.observation import DETECT, WEIGH, as_words
 from mrwork.records.reading import Reading
 from mrwork.records.rig_table import (
     TABLE_NAME,
     UNKNOWN,
     Use,
-    facts_of,
     files_not_read,
     is_test_table,
     records_in,
@@ -162,13 +161,12 @@ def _fitting(
 
     With it come why no test is spare, and what the checks found, which is said first.
     """
-    # SciPy is slow to load.
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
     from mrwork.uncertainty.choice.laws import choose_laws
     from mrwork.uncertainty.choice.splits import can_leave_out
 
-    reading = _reading(_of_use(rows, "fit"))
+    reading = reading_of_rows(_of_use(rows, "fit"))
     tests = _read(reading)
     remarks = told_remarks("identify", tests, options)
     for test in tests:
@@ -179,7 +177,7 @@ def _fitting(
             "one way shows no loop to choose a model by; add strokes out and back at equal speeds, or fit one model by "
             "mrwork identify FILES --model NAME"
         )
-    settings = FitSettings(rng=options.rng, observe=observation_of(options, (DETECT, WEIGH)))
+    settings = FitSettings(rng=options.rng, observe=as_words(options.observe or (DETECT, WEIGH)))
     spare = ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
@@ -208,7 +206,7 @@ def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.predictions import predict
 
     with adding(path, CALIBRATION):
-        predicted = predict(read_fit(path), _read(_reading(_of_use(rows, "calibration"))))
+        predicted = predict(read_fit(path), _read(reading_of_rows(_of_use(rows, "calibration"))))
         write_bands(path, StoredBands.of(predicted.predictions, held_out=UNSEEN))
     return 0
 
@@ -222,7 +220,7 @@ def _predict(path: Path, rows: Sequence[ListedTest]) -> int:
     keep_held_out(
         path,
         Predictions.of(
-            fit_of(run), _read(_reading(_of_use(rows, "test"))), calibration=stored_calibration(run)
+            fit_of(run), _read(reading_of_rows(_of_use(rows, "test"))), calibration=stored_calibration(run)
         ),
     )
     return 0
@@ -326,17 +324,12 @@ def _with_uses(rows: Sequence[ListedTest]) -> tuple[ListedTest, ...]:
     from mrwork.uncertainty.bands.held_out import uses_of
 
     read = [row for row in rows if row.use is not None and not row.is_open]
-    uses = dict(zip([row.file for row in read], uses_of(_read(_reading(read))), strict=True)) if read else {}
-    return tuple(replace(row, use=uses.get(row.file, row.use)) for row in rows)
-
-
-def _reading(rows: Sequence[ListedTest]) -> Reading:
-    return Reading(
-        files=tuple(row.file for row in rows),
-        columns_of={row.file: row.columns for row in rows if row.columns},
-        folder=str(Path.cwd()),
-        facts=facts_of(rows),
+    uses = (
+        dict(zip([row.file for row in read], uses_of(_read(reading_of_rows(read))), strict=True))
+        if read
+        else {}
     )
+    return tuple(replace(row, use=uses.get(row.file, row.use)) for row in rows)
 
 
 def _read(reading: Reading) -> tuple[DamperTest, ...]:
@@ -351,7 +344,7 @@ def _refuse_lone_commands(folder: Path, rows: Sequence[ListedTest], tests: Seque
     if can_leave_out(tests):
         return
     for row in rows:
-        if row.use in ("calibration", "test") and can_leave_out([*tests, *_read(_reading([row]))]):
+        if row.use in ("calibration", "test") and can_leave_out([*tests, *_read(reading_of_rows([row]))]):
             raise RecordError(
                 f"{folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
                 f"run at one command; set the use of {Path(row.file).name} back to fit, and type: {command_line()}"

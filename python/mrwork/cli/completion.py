@@ -31,11 +31,10 @@ def run(options: argparse.Namespace) -> int:
     # Only this verb needs it.
     import shtab
 
-    from mrwork.cli.door import whole_parser
+    from mrwork.cli.door import parser, verbs
 
-    parser = whole_parser()
-    offered = _offered_names()
-    for verb, subparser in subcommands(parser).items():
+    whole, offered = parser(verbs()), _offered_names()
+    for verb, subparser in subcommands(whole).items():
         for action in subparser._actions:
             name = (action.option_strings or [action.dest])[0]
             if (verb, name) in offered:
@@ -43,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
             elif action.type is named_path or name == "files":
                 is_folder = action.metavar in _FOLDERS
                 action.complete = shtab.DIRECTORY if is_folder else shtab.FILE  # type: ignore[attr-defined] # read by shtab
-    script = shtab.complete(parser, shell=options.shell)
+    script = shtab.complete(whole, shell=options.shell)
     print_result(options, {"shell": options.shell, "script": script}, script)
     return 0
 

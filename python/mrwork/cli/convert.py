@@ -47,12 +47,7 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print the converted parameters."""
     _check_options(options)
-    converted = convert(
-        options.source,
-        options.values,
-        options.to,
-        **arguments_of(options, convert),
-    )
+    converted = convert(options.source, options.values, options.to, **arguments_of(options, convert))
     below = [f"\n{converted.material}"] if converted.material else []
     show_results(options, converted, document=converted.document(), below=below)
     return 0

@@ -39,7 +39,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify, and say how `mrwork identify` does the same."""
-    # What identifies and writes the folder is slow to load, and the help does not need it.
     from mrwork.cli.identified import Identification
     from mrwork.records.reading import Reading
 

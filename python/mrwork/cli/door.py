@@ -44,20 +44,11 @@ def verbs() -> tuple[str, ...]:
     return tuple(_VERBS)
 
 
-def parser(arguments: Sequence[str] = ()) -> CommandParser:
-    """Command line parser, with the options of the first verb among `arguments` only.
+def parser(declared: Collection[str] = ()) -> CommandParser:
+    """Command line parser, with the options of these verbs only.
 
     A verb may need libraries that take a second to load, which should not delay the other verbs and the help.
     """
-    return _parser_with([argument for argument in arguments if argument in _VERBS][:1])
-
-
-def whole_parser() -> CommandParser:
-    """Command line parser with the options of all verbs."""
-    return _parser_with(verbs())
-
-
-def _parser_with(declared: Collection[str]) -> CommandParser:
     root = CommandParser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records, and simulate buildings with them.",
@@ -115,9 +106,7 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
         # How to continue is told by what has kept something.
         note("; ".join(["interrupted", *getattr(interrupt, "__notes__", ())]))
         return signals.status
-    except Exception as error:
-        if not isinstance(error, _SAID):
-            raise
+    except _SAID as error:
         note(*(str(error).split("\n") if isinstance(error, MistakesError) else [_sentence_on(error)]))
         return 2
     return signals.status if status == 130 else status
@@ -127,7 +116,8 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
     if list(arguments[:1]) == ["help"]:
         arguments = [*arguments[1:], "--help"]
     try:
-        options = parser(arguments).parse_args(arguments)
+        verb = [argument for argument in arguments if argument in _VERBS][:1]
+        options = parser(verb).parse_args(arguments)
         signals.interrupt()
         admit_equations(options)
         if not getattr(options, "changed", False):
@@ -146,12 +136,9 @@ _SAID = (MrworkError, OSError, MemoryError, ImportError)
 
 
 def _sentence_on(error: BaseException) -> str:
-    """Sentence on an error: what happened and what to do."""
     reason = reason_of(error)
     match error:
-        case MrworkError():
-            return reason
-        case OSError():
+        case OSError() if not isinstance(error, MrworkError):
             where = f"{error.filename}: " if error.filename else ""
             what = error.strerror or (reason if error.args else "a file could not be read or written")
             return f"{where}{what}; check the path, its permissions and the free space"
@@ -191,7 +178,5 @@ def warnings_in_one_line() -> Iterator[None]:
 
 
 class _Noted(logging.Handler):
-    """Messages that libraries log, as notes."""
-
     def emit(self, record: logging.LogRecord) -> None:
         note(f"warning: a library reports: {record.getMessage()}")

@@ -13,7 +13,7 @@ from mrwork.base.progress import OnProgress, ProgressLine
 from mrwork.base.remark import RemarkKind
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line, work_of
-from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
+from mrwork.cli.output import draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
 from mrwork.dampers.spec import DEFAULT_MODELS, DamperSpec
@@ -122,17 +122,13 @@ class Identification(Frame):
             return status if fit is None else self._end(self._with_command(fit), status)
 
     def choose(
-        self,
-        choose: Callable[..., Choice],
-        models: Sequence[DamperSpec | str] | None,
-        settings: FitSettings,
+        self, choose: Callable[..., Choice], models: Sequence[DamperSpec | str] | None, settings: FitSettings
     ) -> int:
         """Make a choice of model or laws; the run folder has the best, and what was compared; return the exit status.
 
         `choose` takes the models, tests, threads, journals and the line of progress. Without models it takes those
         that a screening of all finds best.
         """
-        # Slow to load.
         from mrwork.uncertainty.choice.screening import screen_families
 
         if (status := self._end_complete(RANKING)) is not None:
@@ -238,7 +234,6 @@ class Identification(Frame):
             return status
 
         def draw(on_progress: OnProgress) -> None:
-            # Matplotlib is slow to load and needed for reports only.
             from mrwork.report.fit.page import fit_page
             from mrwork.runs.load import with_additions
             from mrwork.uncertainty.bands.prediction import predictions_of
@@ -252,8 +247,7 @@ class Identification(Frame):
         return status
 
     def _show(self, results: Sequence[Summarised], document: Mapping[str, object]) -> None:
-        """Print results, or the document with --json."""
         remarks = remarks_for("identify", self.tests)
-        more = {"test_remarks": as_plain(remarks), "out": str(self.folder)}
+        more = {"test_remarks": [asdict(remark) for remark in remarks], "out": str(self.folder)}
         below = ["", *(f"  {remark.in_words}" for remark in remarks)] if remarks else []
         show_results(self.options, *results, document={**document, **more}, below=below)

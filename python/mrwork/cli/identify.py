@@ -165,39 +165,28 @@ def _search(options: argparse.Namespace) -> Search | None:
 def _refuse_together(
     options: argparse.Namespace, settings: FitSettings, *, several: bool, law_is_auto: bool
 ) -> None:
-    """Refuse options that do not go together."""
-    for refused, sentence in (
-        (
-            settings.ties and (several or law_is_auto),
-            "--tie goes with one model and without --law auto; leave it out",
+    compares = several or law_is_auto
+    mistakes = {
+        "--tie goes with one model and without --law auto; leave it out": settings.ties and compares,
+        "--leave-out belongs to a comparison; give --model all, or A,B,C": options.leave_out and not compares,
+        "--start gives one model's parameters; leave it out where models are compared": several
+        and options.starts,
+        "--law auto finds its own starts; leave --start out": law_is_auto and options.starts,
+        f"--engine {options.engine} finishes one model; leave it out where models are compared": (
+            several and not law_is_auto and options.engine != "lanes"
         ),
-        (
-            options.leave_out and not (several or law_is_auto),
-            "--leave-out belongs to a comparison; give --model all, or A,B,C",
+        "--driver-lag is of the command, which no parameter follows; give --law NAME=LAW": (
+            options.driver_lag and not options.law
         ),
-        (
-            several and options.starts,
-            "--start gives one model's parameters; leave it out where models are compared",
-        ),
-        (law_is_auto and options.starts, "--law auto finds its own starts; leave --start out"),
-        (
-            several and not law_is_auto and options.engine != "lanes",
-            f"--engine {options.engine} finishes one model; leave it out where models are compared",
-        ),
-        (
-            options.driver_lag and not options.law,
-            "--driver-lag is of the command, which no parameter follows; give --law NAME=LAW",
-        ),
-    ):
-        if refused:
+    }
+    for sentence, is_made in mistakes.items():
+        if is_made:
             raise SettingError(sentence)
 
 
 def _choose(
     options: argparse.Namespace, models: list[str | DamperSpec], settings: FitSettings, *, several: bool
 ) -> int:
-    """Choose among models or among laws of a command, and fit."""
-    # What identifies and writes the folder is slow to load, and the help does not need it.
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
     from mrwork.uncertainty.choice.laws import choose_laws

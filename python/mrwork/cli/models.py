@@ -5,20 +5,23 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from math import inf
 from typing import Any
 
-from mrwork.base.hints import node_of
+from mrwork.base.numbers import NOTHING, format_fixed
 from mrwork.base.summary import list_names
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import Range, named_path
+from mrwork.cli.derived import Unloaded, add_options_of, arguments_of
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model
-from mrwork.dampers.simulation import Amplitude, Frequency
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
+
+_LOOPS = Unloaded("plots.of_tests", "nominal_loops")
 
 
 def add_options(parser: CommandParser) -> None:
@@ -32,10 +35,7 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument("--presets", action="store_true", help=presets)
     figure = "draw the loops of the model with its nominal parameters, as an .svg or a .png file"
     parser.option("figure", "--figure", figure, named_path, metavar="FILE")
-    for name, usual, annotation in (("amplitude", 0.015, Amplitude), ("frequency", 2.5, Frequency)):
-        within = Range.of(node_of(annotation))
-        says = "of the motion of the figure"
-        parser.option("figure", f"--{name}", says, within, default=usual, metavar=within.metavar)
+    add_options_of(parser, _LOOPS, "figure", "amplitude", "frequency")
     end_parser(parser, run, quiet="")
 
 
@@ -92,22 +92,22 @@ def _list_presets(options: argparse.Namespace) -> int:
         (spec.preset(name) for spec in models for name in spec.presets),
         key=lambda preset: (preset.rated_force or inf, preset.name, preset.spec.name),
     )
-    listed = Table(
-        columns=("force class", "preset", "model", "force (N)", "stroke (mm)", "command", "status"),
-        rows=[
-            (
-                preset.force_class or "not known",
-                preset.name,
-                preset.spec.name,
-                "-" if preset.rated_force is None else f"{preset.rated_force:.0f}",
-                "-" if preset.rated_stroke is None else f"{1e3 * preset.rated_stroke:g}",
-                preset.command_in_words or "-",
-                preset.status,
-            )
-            for preset in presets
-        ],
-        note="Force and stroke to either side that one damper is made for; a study tells runs that exceed them.",
+    columns = (
+        Column("force_class", "force class", shown=lambda words: words or "not known"),
+        Column("name", "preset"),
+        Column("spec", "model", shown=lambda spec: spec.name),
+        Column("rated_force", "force", "N", shown=partial(format_fixed, decimals=0)),
+        Column(
+            "rated_stroke",
+            "stroke",
+            "mm",
+            shown=lambda stroke: NOTHING if stroke is None else f"{1e3 * stroke:g}",
+        ),
+        Column("command_in_words", "command", shown=lambda words: words or NOTHING),
+        Column("status", "status"),
     )
+    note = "Force and stroke to either side that one damper is made for; a study tells runs that exceed them."
+    listed = Table.of(columns, presets, note=note)
     print_result(options, _as_document(presets), "\n".join(listed.lines()))
     return 0
 
@@ -120,9 +120,7 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     check_figure(options.figure)
     from mrwork.plots.of_tests import nominal_loops
 
-    write_figure(
-        options.figure, nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
-    )
+    write_figure(options.figure, nominal_loops(spec, **arguments_of(options, _LOOPS)))
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

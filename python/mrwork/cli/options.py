@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
-from mrwork.cli.numbers import SEED, THREADS, named_path
+from mrwork.cli.derived import Unloaded, add_option_of
+from mrwork.cli.numbers import THREADS, named_path
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -47,8 +48,7 @@ def add_threads(parser: CommandParser, workers: str = "") -> None:
 
 def add_seed(parser: CommandParser, also: str = "") -> None:
     """--seed of a study, and of what else it is."""
-    says = f"seed of noise and synthetic motions{also}"
-    parser.option(COMPUTATION, "--seed", says, SEED, default=0, metavar="N")
+    add_option_of(parser, Unloaded("runs.study", "read_study"), COMPUTATION, "seed", more=also)
 
 
 def end_parser(
@@ -86,7 +86,6 @@ def on_workers(options: argparse.Namespace, *, needless: str = "") -> Iterator[N
         note(f"{'--workers' if options.workers else '--cluster'} has no effect: {needless}")
         yield
         return
-    # Pools and hashes are slow to load.
     from mrwork.workers.cluster import cluster_workers
     from mrwork.workers.engine import working_on
     from mrwork.workers.local import local_workers

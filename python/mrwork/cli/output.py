@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
     from mrwork.records import DamperTest
     from mrwork.records.reading import OnRead
-    from mrwork.records.remarks import SharedRemark
 
 PATIENCE = 2.0
 """Seconds until the progress line appears, for computations that are often shorter."""
@@ -93,10 +92,7 @@ def write_figure(path: Path, figure: Any) -> None:
 
 
 def end_addition(
-    options: argparse.Namespace,
-    result: Summarised,
-    more: Mapping[str, object],
-    below: Sequence[str] = (),
+    options: argparse.Namespace, result: Summarised, more: Mapping[str, object], below: Sequence[str] = ()
 ) -> int:
     """Show what was added to a run, and draw the page of the run; return the exit status.
 
@@ -106,22 +102,16 @@ def end_addition(
     return renew_page(options.run_folder, quiet=is_quiet(options))
 
 
-def as_plain(remarks: Iterable[SharedRemark]) -> list[dict[str, Any]]:
-    """Remarks of the checks for --json."""
-    return [asdict(remark) for remark in remarks]
-
-
 def told_remarks(
     verb: Verb, tests: Sequence[DamperTest], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
     """Say what the checks found that matters to a verb, on stderr; with --json return it only, for the object."""
-    # The records are slow to load, and most helps do without them.
     from mrwork.records.remarks import remarks_for
 
     remarks = remarks_for(verb, tests)
     for remark in () if options.json else remarks:
         note(remark.in_words)
-    return as_plain(remarks)
+    return [asdict(remark) for remark in remarks]
 
 
 def notes_on_verdicts(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:
@@ -137,7 +127,6 @@ def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:
     """Draw the page of a run, or its front alone, from what its folder holds; return the exit status of `draw_last`."""
 
     def draw(on_progress: OnProgress) -> None:
-        # Matplotlib is slow to load.
         from mrwork.report.pages import write_page
 
         write_page(folder, summary=summary, on_progress=on_progress)

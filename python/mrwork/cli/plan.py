@@ -48,27 +48,24 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Rank the candidates, write and print."""
     with adding(options.run_folder, PLAN):
-        return _plan(opened_run(options), options)
-
-
-def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
-    remarks = told_remarks("plan", opened.tests, options)
-    spec = opened.fit.spec
-    limits = Limits(**arguments_of(options, Limits))
-    candidates = _candidates(options, opened, limits)
-    targets = () if options.targets is None else read_candidates(options.targets, spec, limits=None)
-    ranked = plan(
-        opened.fit,
-        opened.tests,
-        candidates,
-        targets=targets,
-        threads=options.threads,
-        **arguments_of(options, plan),
-    )
-    path, document = opened.run.path, {"limits": asdict(limits)}
-    add_to_run(path, {PLAN: json_document(ranked.document() | document).encode()})
-    more = document | {"test_remarks": remarks, "out": str(path / PLAN)}
-    return end_addition(options, ranked, more, [f"Report: {path / REPORT}"])
+        opened = opened_run(options)
+        remarks = told_remarks("plan", opened.tests, options)
+        spec = opened.fit.spec
+        limits = Limits(**arguments_of(options, Limits))
+        candidates = _candidates(options, opened, limits)
+        targets = () if options.targets is None else read_candidates(options.targets, spec, limits=None)
+        ranked = plan(
+            opened.fit,
+            opened.tests,
+            candidates,
+            targets=targets,
+            threads=options.threads,
+            **arguments_of(options, plan),
+        )
+        path, document = opened.run.path, {"limits": asdict(limits)}
+        add_to_run(path, {PLAN: json_document(ranked.document() | document).encode()})
+        more = document | {"test_remarks": remarks, "out": str(path / PLAN)}
+        return end_addition(options, ranked, more, [f"Report: {path / REPORT}"])
 
 
 def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) -> tuple[Candidate, ...]:

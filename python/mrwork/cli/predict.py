@@ -8,7 +8,8 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import is_quiet, renew_page, show_results, told_remarks
-from mrwork.cli.tests import add_files, add_observation, observation_of, read_tests
+from mrwork.cli.tests import add_files, add_observation, read_tests
+from mrwork.records.observation import as_words
 from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder
 from mrwork.uncertainty.bands.predictions import Predictions
 
@@ -38,24 +39,19 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Predict every test, keep what the fit has not seen for its page, and print how the forces compare."""
-    # Readers of runs and of tests are slow to load.
     from mrwork.identification.fit_file import fit_of
     from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
     from mrwork.uncertainty.bands.held_out import keep_held_out
 
     folder = RunFolder.open(options.run_folder, FIT_RUN)
     fit = fit_of(folder)
-    words = observation_of(options, fit.settings.observe)
+    words = as_words(options.observe or fit.settings.observe)
     # Tests of a calibration are not kept for test, whether its bands are printed or not.
     calibration = stored_calibration(folder) if options.level is None else read_calibration(folder)
     _, tests = read_tests(options, "test", fit)
     remarks = told_remarks("predict", tests, options)
     predictions = Predictions.of(
-        fit,
-        tests,
-        observe=words,
-        calibration=calibration,
-        **arguments_of(options, Predictions.of),
+        fit, tests, observe=words, calibration=calibration, **arguments_of(options, Predictions.of)
     )
     as_fitted = options.substep_factor == 1 and words == fit.settings.observe
     stored = as_fitted and keep_held_out(options.run_folder, predictions)

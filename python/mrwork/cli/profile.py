@@ -42,41 +42,36 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run folder, print the table."""
-    with adding(options.run_folder, PROFILES):
-        return _profile(options)
-
-
-def _profile(options: argparse.Namespace) -> int:
-    # Readers of runs are slow to load.
     from mrwork.runs.load import StoredRun, load
 
-    opened = opened_run(options)
-    remarks, path = told_remarks("profile", opened.tests, options), opened.run.path
-    try:
-        with progress_line(quiet=is_quiet(options)) as line:
-            profiles = profile(
-                opened.fit,
-                opened.tests,
-                threads=options.threads,
-                on_progress=line,
-                **arguments_of(options, profile),
-            )
-    except Interrupted as interrupt:
-        return _write_interrupted(opened.run, interrupt.result, options)
-    contents = {PROFILES: json_document(profiles.document()).encode()}
-    facts: dict[str, object] = {}
-    if profiles.better is not None:
-        contents[FIT] = fit_content(profiles.better)
-        facts = manifest_of(profiles.better, profiles.better.status)
-    add_to_run(path, contents, facts=facts)
-    fit = load(path, StoredRun).fit
-    more = {"directions": [asdict(direction) for direction in fit.informative], "test_remarks": remarks}
-    below = [
-        *(f"  {direction.sentence}" for direction in fit.informative),
-        *notes_on_verdicts(fit, "profile"),
-        f"Report: {path / REPORT}",
-    ]
-    return end_addition(options, profiles, more | {"out": str(path / PROFILES)}, below)
+    with adding(options.run_folder, PROFILES):
+        opened = opened_run(options)
+        remarks, path = told_remarks("profile", opened.tests, options), opened.run.path
+        try:
+            with progress_line(quiet=is_quiet(options)) as line:
+                profiles = profile(
+                    opened.fit,
+                    opened.tests,
+                    threads=options.threads,
+                    on_progress=line,
+                    **arguments_of(options, profile),
+                )
+        except Interrupted as interrupt:
+            return _write_interrupted(opened.run, interrupt.result, options)
+        contents = {PROFILES: json_document(profiles.document()).encode()}
+        facts: dict[str, object] = {}
+        if profiles.better is not None:
+            contents[FIT] = fit_content(profiles.better)
+            facts = manifest_of(profiles.better, profiles.better.status)
+        add_to_run(path, contents, facts=facts)
+        fit = load(path, StoredRun).fit
+        more = {"directions": [asdict(direction) for direction in fit.informative], "test_remarks": remarks}
+        below = [
+            *(f"  {direction.sentence}" for direction in fit.informative),
+            *notes_on_verdicts(fit, "profile"),
+            f"Report: {path / REPORT}",
+        ]
+        return end_addition(options, profiles, more | {"out": str(path / PROFILES)}, below)
 
 
 def _write_interrupted(run: RunFolder, profiles: Profiles, options: argparse.Namespace) -> int:

@@ -8,16 +8,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.derived import Unloaded, add_options_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
-from mrwork.cli.output import (
-    check_figure,
-    is_quiet,
-    print_result,
-    progress_line,
-    show_results,
-    write_figure,
-)
+from mrwork.cli.output import check_figure, is_quiet, print_result, progress_line, show_results, write_figure
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, SettingError
@@ -42,19 +36,15 @@ def add_options(parser: CommandParser) -> None:
         "mrwork respond study.toml", "mrwork respond study.toml --motions all --check-step --out out/checked"
     )
     parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
-    for option, says in (
-        ("--schema", "print the keys of a study file and exit"),
-        ("--laws", "print the control laws with their settings and exit"),
-        (
-            "--building",
-            "print masses, stiffnesses, periods, participation and effective modal masses of the building and exit",
-        ),
-        (
-            "--pushover",
-            "push the building sideways in its first mode, print base shear and drifts over the displacement of the "
-            "roof and exit",
-        ),
-    ):
+    listings = {
+        "--schema": "print the keys of a study file and exit",
+        "--laws": "print the control laws with their settings and exit",
+        "--building": "print masses, stiffnesses, periods, participation and effective modal masses of the building "
+        "and exit",
+        "--pushover": "push the building sideways in its first mode, print base shear and drifts over the displacement "
+        "of the roof and exit",
+    }
+    for option, says in listings.items():
         parser.option("listings", option, says, bool)
     parser.option(
         "listings",
@@ -72,8 +62,7 @@ def add_options(parser: CommandParser) -> None:
         choices=("test", "training", "all"),
         default="test",
     )
-    check = "repeat every run with half the integration step at the end, and compare"
-    parser.option("simulation", "--check-step", check, bool)
+    add_options_of(parser, Unloaded("study.run", "run_study"), "simulation", "check_step")
     parser.option(
         "simulation",
         "--ensemble",
@@ -124,7 +113,6 @@ def run(options: argparse.Namespace) -> int:
         raise SettingError(
             "--figure draws what --size finds; leave it out, the page has the figures of a study"
         )
-    # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
 
     return run_on_study(
@@ -138,7 +126,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _find_counts(options: argparse.Namespace) -> int:
-    """Find how many dampers keep the limit of a study, draw the figure, print the table."""
     if options.figure is not None:
         check_figure(options.figure)
     from mrwork.runs.study import read_study
@@ -153,8 +140,9 @@ def _find_counts(options: argparse.Namespace) -> int:
             on_progress=None if is_quiet(options) else line,
             threads=options.threads,
         )
-    drawn = {} if options.figure is None else {"figure": str(options.figure)}
+    drawn: dict[str, str] = {}
     if options.figure is not None:
+        drawn = {"figure": str(options.figure)}
         from mrwork.plots import style
         from mrwork.plots.canvas import column_axes
         from mrwork.plots.of_studies import damper_counts as figure_of
@@ -169,7 +157,6 @@ def _find_counts(options: argparse.Namespace) -> int:
 
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:
-    """The responses of a study, with the histories that it stores."""
     from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.ensemble import dampers_apart
     from mrwork.study.folder import design_document, study_document, study_files
@@ -229,11 +216,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
 
 def _run_ensemble(
-    options: argparse.Namespace,
-    study: Study,
-    results: StudyResults,
-    journal: Journal,
-    line: ProgressLine,
+    options: argparse.Namespace, study: Study, results: StudyResults, journal: Journal, line: ProgressLine
 ) -> Ensemble:
     """The study with each other set of laws, read anew with its dampers, in the journal after the study itself."""
     from mrwork.runs.study import read_study

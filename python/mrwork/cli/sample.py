@@ -11,13 +11,7 @@ from mrwork.base.progress import Progress
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, add_threads, end_parser
-from mrwork.cli.output import (
-    end_addition,
-    is_quiet,
-    notes_on_verdicts,
-    progress_line,
-    told_remarks,
-)
+from mrwork.cli.output import end_addition, is_quiet, notes_on_verdicts, progress_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted
@@ -66,7 +60,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
-    # SciPy is slow to load.
     from mrwork.runs.load import StoredRun, load
 
     opened = opened_run(options)
@@ -79,7 +72,6 @@ def run(options: argparse.Namespace) -> int:
         journal.close()
         if not journal.path.is_file():
             note(nothing_to_resume(options.run_folder / CHAIN))
-        # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 
         add_to_run(path, {DRAWS: draws_content(draws)}, grown=[CHAIN])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mrwork.base.keys import suggestion
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
@@ -17,14 +18,13 @@ from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
-from mrwork.records.observation import as_words
 from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
     from mrwork.identification.fit_file import OpenedRun
-    from mrwork.records import DamperTest
+    from mrwork.records import DamperTest, ListedTest
     from mrwork.records.rig_table import EveryUse, Use
 
 
@@ -82,9 +82,8 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
 
     A velocity that the tests of `fit` keep is kept.
     """
-    # Readers of records are slow to load, and the help does not need them.
     from mrwork.records import ListedTest
-    from mrwork.records.rig_table import check_given_once, facts_of, files_not_read, listed_tests
+    from mrwork.records.rig_table import check_given_once, files_not_read, listed_tests
 
     rows: list[ListedTest] = []
     for file in options.files:
@@ -92,19 +91,30 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
     check_given_once(rows)
     for sentence in files_not_read(options.files).values():
         note(sentence)
-    facts = facts_of(rows)
-    several = [name for name in ("damper", "serial") if "," in facts.get(name, "")]
+    reading = reading_of_rows(
+        rows,
+        columns=dict(parse_column_option(option) for option in options.column),
+        repairs=options.repair,
+        **arguments_of(options, Reading),
+    )
+    several = [name for name in ("damper", "serial") if "," in reading.facts.get(name, "")]
     if several:
-        note(f"warning: the table names several dampers ({facts[several[0]]}), which one fit takes for one")
-    keeping = {"keep_velocity": True} if fit is not None and fit.keeps_velocity else {}
+        note(
+            f"warning: the table names several dampers ({reading.facts[several[0]]}), which one fit takes for one"
+        )
+    return replace(reading, keep_velocity=True) if fit is not None and fit.keeps_velocity else reading
+
+
+def reading_of_rows(rows: Sequence[ListedTest], **settings: Any) -> Reading:
+    """The test files of rows of tables, and the settings for reading them."""
+    from mrwork.records.rig_table import facts_of
+
     return Reading(
         files=tuple(row.file for row in rows),
         columns_of={row.file: row.columns for row in rows if row.columns},
         folder=str(Path.cwd()),
-        columns=dict(parse_column_option(option) for option in options.column),
-        repairs=options.repair,
-        facts=facts,
-        **arguments_of(options, Reading) | keeping,
+        facts=facts_of(rows),
+        **settings,
     )
 
 
@@ -126,11 +136,6 @@ def opened_run(options: argparse.Namespace) -> OpenedRun:
 
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reopen(options.run_folder, on_read=on_read)
-
-
-def observation_of(options: argparse.Namespace, default: Sequence[str]) -> tuple[str, ...]:
-    """The words of --observe, checked; `default` where there is none."""
-    return as_words(options.observe or default)
 
 
 def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) -> CommandUnit:

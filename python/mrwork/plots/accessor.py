@@ -43,5 +43,4 @@ class Plots:
 
 
 def _takes(function: Any, result: object) -> bool:
-    """Whether a function of `mr.plots` draws a figure of this result."""
     return "result" in function.__annotations__ and isinstance(result, get_type_hints(function)["result"])

@@ -56,7 +56,6 @@ def small_axes(height: float = SMALL_HEIGHT) -> tuple[Figure, Axes]:
 def _axes_within(
     size: tuple[float, float], left: float, right: float, bottom: float, top: float
 ) -> tuple[Figure, Axes]:
-    """A figure of this size and its axes within these margins."""
     (width, height), figure = size, Figure(figsize=size)
     shares = left / width, bottom / height, 1.0 - (left + right) / width, 1.0 - (bottom + top) / height
     return figure, figure.add_axes(shares)

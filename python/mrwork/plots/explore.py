@@ -84,7 +84,6 @@ class Explorer:
         return self.widget._repr_mimebundle_(**options)
 
     def _draw(self, _: object = None) -> None:
-        """Simulate the values of the sliders, and show loops and agreement."""
         if self._is_setting:
             return
         try:
@@ -101,7 +100,6 @@ class Explorer:
         self._picture.value = png_bytes(self.figure)
 
     def _fit(self, _: object = None) -> None:
-        """Fit locally from the values of the sliders, and set these to the result."""
         start = dict(zip(self.spec.names, self.theta.tolist(), strict=True))
         self._status.value = "fitting ..."
         try:

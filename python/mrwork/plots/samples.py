@@ -59,7 +59,6 @@ def scattered_samples(abscissa: Floats, ordinate: Floats, most: int) -> NDArray[
 
 
 def _nearest_samples(abscissa: Floats, ordinate: Floats, shares: Floats, aspect: float) -> NDArray[np.intp]:
-    """The samples at `shares` of the length of the curve, each sample once."""
     if ordinate.size <= shares.size:
         return np.arange(ordinate.size)
     across = aspect * np.diff(abscissa) / (float(np.ptp(abscissa)) or 1.0)

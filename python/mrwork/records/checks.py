@@ -566,7 +566,7 @@ _AVERAGED: Final = RemarkKind(
     verbs=OF_FILES,
 )
 _MOTION_AVERAGED: Final = RemarkKind(
-    "moving_average", _AVERAGED_TEXT, "use the original record, for the force shows none", verbs=OF_FILES
+    "motion_averaged", _AVERAGED_TEXT, "use the original record, for the force shows none", verbs=OF_FILES
 )
 
 

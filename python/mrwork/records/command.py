@@ -110,7 +110,7 @@ def motion_matches_name(test: DamperTest, motion: SmoothMotion) -> Iterator[Rema
 
 
 _SEVERAL: Final = RemarkKind(
-    "command_unclear",
+    "name_says_several",
     "the file name says {names}, so its command is not known",
     "give it, as in --column command=0.5A, or in a table of tests, as mrwork check FILES --table begins it",
 )

@@ -278,7 +278,7 @@ _OFF_BY_UNIT: Final = RemarkKind(
 )
 _CHECK: Final = "check both, or derive the velocity from the displacement by --repair velocity"
 _OFF_BY_FACTOR: Final = RemarkKind(
-    "velocity_inconsistent",
+    "velocity_unit_unclear",
     f"{_TIMES}, so one of the two is not in its stated unit",
     _CHECK,
     cured_by="velocity",
@@ -286,7 +286,7 @@ _OFF_BY_FACTOR: Final = RemarkKind(
 _SHIFTED: Final = "the velocity {0} the displacement's derivative by {late:.3g} ms ({samples:.2f} samples)"
 _LATE: Final = RemarkKind("velocity_late", f"{_SHIFTED}{{1}}", cured_by="velocity")
 _FAR_LATE: Final = RemarkKind(
-    "velocity_inconsistent",
+    "velocity_far_late",
     f"{_SHIFTED}, a difference of {{difference:.0f}} % (rms)",
     _CHECK,
     cured_by="velocity",

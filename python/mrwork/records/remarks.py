@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind, Verb
+from mrwork.base.remark import ONCE, REMARK_KINDS, Measured, Remark, RemarkKind, Verb
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.records.checks import static_force
@@ -264,7 +264,9 @@ def _join_remarks(remarks: Sequence[Remark], tests: tuple[str, ...], n_tests: in
 def remarks_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedRemark, ...]:
     """Remarks of several tests that matter to a verb, each once, warnings first."""
     verb_tests = [
-        replace(test, remarks=tuple(remark for remark in test.remarks if verb in remark.kind.verbs))
+        replace(
+            test, remarks=tuple(remark for remark in test.remarks if verb in REMARK_KINDS[remark.code].verbs)
+        )
         for test in tests
     ]
     gathered = gathered_remarks(verb_tests)
@@ -274,7 +276,7 @@ def remarks_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedRemark, 
         for remark in remarks
     ]
     # The message names the tests that it concerns.
-    of_set = (remark for remark in remarks_of_set(tests) if verb in remark.kind.verbs)
+    of_set = (remark for remark in remarks_of_set(tests) if verb in REMARK_KINDS[remark.code].verbs)
     together = [_join_remarks([remark], (), len(tests)) for remark in of_set]
     return tuple(
         sorted((*together, *gathered.shared, *alone), key=lambda remark: remark.severity != "warning")

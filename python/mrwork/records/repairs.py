@@ -12,10 +12,13 @@ from typing import Final, Literal, get_args
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
+from mrwork.base.remark import OF_FILES, ONCE, REMARK_KINDS, Measured, Remark, RemarkKind
 from mrwork.base.values import freeze_samples
 from mrwork.dampers.command import Command
 from mrwork.errors import SettingError
+
+# Kinds of remarks that a repair cures are declared there, too.
+from mrwork.records import contradictions as contradictions
 from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
 from mrwork.records.command import command_of
 from mrwork.records.damper_test import DamperTest, fields_of_commands
@@ -93,7 +96,8 @@ def repair(
         else:
             changed, measured, message = done
             entry = _REPAIRED[kind].remark(measured=measured, message=message)
-            remarks = tuple(remark for remark in changed.remarks if remark.kind.cured_by != kind)
+            cured = {found.code for found in REMARK_KINDS.values() if found.cured_by == kind}
+            remarks = tuple(remark for remark in changed.remarks if remark.code not in cured)
             repaired = replace(changed, remarks=remarks, original=test.original or test)
         repaired = replace(repaired, remarks=(*repaired.remarks, entry))
         log.append(entry)
@@ -106,7 +110,7 @@ _Done = tuple[DamperTest, Measured, str] | str
 
 def seconds_of_pulses(test: DamperTest) -> float:
     """The time [s] over which pulses of its command were averaged, 0 where they were not."""
-    pulses = (entry for entry in test.remarks if entry.kind is _REPAIRED["pulses"])
+    pulses = (entry for entry in test.remarks if entry.code == _REPAIRED["pulses"].code)
     return max((entry.measured.value for entry in pulses if entry.measured), default=0.0)
 
 

@@ -91,14 +91,7 @@ def export(
     """
     path = Path(output)
     check_output(path, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
-    content = exported(
-        run,
-        to,
-        command=command,
-        error=error,
-        time_step=time_step,
-        tcl=path.suffix != ".py",
-    )
+    content = exported(run, to, command=command, error=error, time_step=time_step, tcl=path.suffix != ".py")
     write_file(path, content)
     return path
 
@@ -163,7 +156,6 @@ def matlab_names(names: Iterable[str]) -> dict[str, str]:
 
 
 def _matlab_of_fit(fit: Fit, path: Path | None) -> bytes:
-    """Parameters, laws and, of a run folder, the tests with their measured and simulated forces."""
     spec = fit.spec
     parameters = {
         estimate.name: {
@@ -234,7 +226,6 @@ def _tests(path: Path) -> Any:
 
 
 def _group(arrays: NamedArrays) -> dict[str, Any]:
-    """A struct with the labels along each axis, and with every array."""
     labels = {name: _array(name, label, ()) for name, label in arrays.labels.items()}
     data = {
         name: _array(name, array, array.axes) for name, array in {**arrays.along, **arrays.arrays}.items()

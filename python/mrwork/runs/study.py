@@ -249,7 +249,6 @@ def _plain(value: Any) -> Any:
 
 
 def _damper_table(table: Table) -> Table:
-    """The table of a damper, with a fit in it as a study takes it."""
     run = table.get("run")
     if run is None or isinstance(run, str | os.PathLike):
         return table

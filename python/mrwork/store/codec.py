@@ -93,7 +93,6 @@ def built(kind: Any, value: Any) -> Any:
 
 
 def _takes(node: Node, value: Any) -> bool:
-    """Whether a value, as it is in JSON, belongs to a member of a union."""
     match node:
         case Node("record", kind):
             return isinstance(value, Mapping) and value.keys() <= nodes_of(kind).keys()

@@ -297,6 +297,5 @@ def n_steps(path: Path) -> int:
 
 
 def _entry_of(line: bytes) -> dict[str, Any]:
-    """Entry of an intact line; empty if the line is damaged."""
     text, _, end = line.rpartition(_SUM)
     return json.loads(text + b"}") if end == b'%08x"}\n' % zlib.crc32(text) else {}

@@ -86,7 +86,6 @@ def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
 
 
 def _is_numeric(member: Any) -> bool:
-    """Whether the file itself holds real numbers there."""
     import h5py
 
     return (

@@ -23,15 +23,7 @@ from typing import Any, Final, TypeVar
 from mrwork.base.summary import list_names
 from mrwork.errors import MrworkError, OutputError, RecordError
 from mrwork.store.codec import built, json_document
-from mrwork.store.input_file import (
-    bytes_of,
-    exists,
-    is_file,
-    is_folder,
-    is_there,
-    make_stored_kind,
-    text_of,
-)
+from mrwork.store.input_file import bytes_of, exists, is_file, is_folder, is_there, make_stored_kind, text_of
 from mrwork.store.output_file import Lock, new_file
 
 MANIFEST: Final = "manifest.json"

@@ -51,8 +51,6 @@ def _prepared(common: bytes) -> tuple[Callable[..., Any], object]:
 
 @dataclass(slots=True)
 class _Stand:
-    """Where the present work stands: chunks done and in total."""
-
     done: int = 0
     total: int = 0
 
