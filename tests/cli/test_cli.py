@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,12 @@ from refusals import command_refusal
 from sentences import Refused
 from verb_folders import COMMANDS, written_record
 
-from mrwork.cli.derived import Unloaded, declared
+from mrwork.base.hints import nodes_of
+from mrwork.cli.numbers import Range
+from mrwork.plots.of_tests import nominal_loops
+from mrwork.runs.export import export
+from mrwork.runs.study import read_study
+from mrwork.study.fragilities import fragility
 
 FAST = ["--generations", "3", "--quiet"]
 
@@ -140,17 +145,20 @@ def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path, refused
     refused.command("frobnicate")
 
 
-def test_options_of_slow_functions_are_what_the_functions_declare() -> None:
+def test_options_of_slow_functions_have_their_defaults_and_ranges() -> None:
+    slow = {"models": nominal_loops, "fragility": fragility, "export": export, "respond": read_study}
     compared = 0
-    for parser in COMMANDS.values():
-        for unloaded, names in (parser.get_default("derived") or {}).items():
-            if isinstance(unloaded, Unloaded):
-                function = getattr(import_module(f"mrwork.{unloaded.module}"), unloaded.function)
-                compared += len(names)
-                assert [declared(unloaded, name) for name in names] == [
-                    declared(function, name) for name in names
-                ]
-    assert compared >= 14
+    for verb, function in slow.items():
+        nodes, parameters = nodes_of(function), inspect.signature(function).parameters
+        for action in COMMANDS[verb]._actions:
+            if isinstance(action.type, Range) and action.dest in parameters:
+                node = next(
+                    (part for part in nodes[action.dest].parts if part.form == "scalar"), nodes[action.dest]
+                )
+                assert action.default == parameters[action.dest].default
+                assert action.type == Range.of(node)
+                compared += 1
+    assert compared == 7
 
 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:

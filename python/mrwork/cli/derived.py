@@ -2,69 +2,26 @@
 
 The help is the first sentence that the docstring has of the parameter. What a text becomes is what the annotation says:
 a number of its range, one of several words, a flag, a list by repetition, or by commas where it is of numbers, and a
-mapping by repeated NAME=VALUE. A function whose module is slow to load stands as `Unloaded`.
+mapping by repeated NAME=VALUE. Functions whose modules are slow to load have options of `CommandParser.option`.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
 import inspect
 import re
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import partial
-from importlib import import_module
-from itertools import zip_longest
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, get_type_hints
+from typing import Any
 
-from mrwork.base.docstrings import parameter_texts, texts_in
-from mrwork.base.hints import Node, node_of, nodes_of
+from mrwork.base.docstrings import parameter_texts
+from mrwork.base.hints import Node, nodes_of
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, Range, finite_number
 from mrwork.errors import MrworkError
 
-
-@dataclass(frozen=True, slots=True)
-class Unloaded:
-    """A function of a module of the package that is slow to load, of which the source alone is read."""
-
-    module: str
-    function: str
-
-    def declared(self, name: str) -> tuple[Node, Any, str]:
-        """Annotation, of names that the module imports or assigns, default and text of a parameter."""
-        path = Path(__file__).parents[1] / f"{self.module.replace('.', '/')}.py"
-        body = ast.parse(path.read_text(encoding="utf-8")).body
-        function = next(
-            node for node in body if isinstance(node, ast.FunctionDef) and node.name == self.function
-        )
-        given = function.args
-        pairs = [*zip_longest(reversed(given.args), reversed(given.defaults))]
-        pairs += zip(given.kwonlyargs, given.kw_defaults, strict=True)
-        hint, default = next(
-            (ast.unparse(entry.annotation), value)
-            for entry, value in pairs
-            if entry.arg == name and entry.annotation
-        )
-        assigned = {ast.unparse(node.targets[0]): node for node in body if isinstance(node, ast.Assign)}
-        hint = ast.unparse(assigned[hint].value) if hint in assigned else hint
-        known = {
-            alias.name: getattr(import_module(node.module), alias.name)
-            for node in body
-            if isinstance(node, ast.ImportFrom) and node.module
-            for alias in node.names
-            if re.search(rf"\b{alias.name}\b", hint)
-        }
-        annotated = SimpleNamespace(__annotations__={name: hint})
-        node = node_of(get_type_hints(annotated, known, include_extras=True)[name])
-        value = ast.literal_eval(default) if default else inspect.Parameter.empty
-        return node, value, texts_in(ast.get_docstring(function))[name]
-
-
-Declaring = Callable[..., object] | Unloaded
+Declaring = Callable[..., object]
 
 _FIRST_SENTENCE = re.compile(r".*?(?=(?<!\.)\.(?:\s|$)|$)", re.DOTALL)
 # Options that are not called as the parameter.
@@ -95,30 +52,25 @@ def add_option_of(
 ) -> None:
     """Declare the option for one parameter, called `option` where that is another word.
 
-    The `default` may be another, and a parameter without one is a required option; `choices` are words for a text, or
-    further words for a list of words; `reads` makes the value from a text that the annotation does not describe, as an
-    object; and `more` is added to the help.
+    The `default` may be another; `choices` are words for a text, or further words for a list of words; `reads` makes
+    the value from a text that the annotation does not describe, as an object; and `more` is added to the help.
     """
-    node, own_default, text = declared(declaring, name)
+    node, own_default, text = _declared(declaring, name)
     form = _form_of(node, reads)
     if form is None:
         raise TypeError(f"no text stands for `{name}`; say how one is read")
     option = option or _CALLED.get(name) or (name.removesuffix("s") if form.repeated else name)
-    words = [*form.choices, *choices]
-    listed = f"one of {', '.join(words)}" if metavar and words and not form.repeated else ""
-    default = own_default if default is UNCHANGED else default
-    required = default is inspect.Parameter.empty
+    listed = f"one of {', '.join(choices)}" if metavar and choices and not form.repeated else ""
     parser.option(
         title,
         f"--{option.replace('_', '-')}",
         "; ".join(filter(None, (_as_help(text), listed, more))),
         form.reads,
         metavar=metavar or form.metavar,
-        default=None if required else default,
+        default=own_default if default is UNCHANGED else default,
         dest=name,
-        choices=words or None,
+        choices=[*form.choices, *choices] or None,
         repeated=form.repeated,
-        required=required,
     )
     derived = parser.get_default(_DERIVED) or {}
     parser.set_defaults(**{_DERIVED: derived | {declaring: (*derived.get(declaring, ()), name)}})
@@ -129,10 +81,8 @@ def arguments_of(options: argparse.Namespace, declaring: Declaring) -> dict[str,
     return {name: getattr(options, name) for name in getattr(options, _DERIVED)[declaring]}
 
 
-def declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
+def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
     """Annotation, default and text of a parameter."""
-    if isinstance(declaring, Unloaded):
-        return declaring.declared(name)
     text = parameter_texts(declaring)[name]
     if isinstance(declaring, type):
         (field,) = (entry for entry in fields(declaring) if entry.name == name)

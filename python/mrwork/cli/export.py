@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import argparse
 
+from mrwork.base.hints import node_of
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.derived import Unloaded, add_option_of, arguments_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.numbers import Range, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.cli.own_models import add_trust
+from mrwork.dampers.conventions import OpenSeesError, OpenSeesTimeStep
 from mrwork.errors import SettingError
 
-_EXPORT = Unloaded("runs.export", "export")
+_TARGETS = ("mat", "opensees", "csv")
 
 
 def add_options(parser: CommandParser) -> None:
@@ -30,10 +31,13 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument(
         "run_folder", type=named_path, metavar="RUN", help="folder of mrwork identify, respond or tune"
     )
-    add_option_of(parser, _EXPORT, "target", "to", metavar="TO")
-    add_option_of(parser, _EXPORT, "target", "command", metavar="COMMAND")
-    add_option_of(parser, _EXPORT, "target", "error", metavar="SHARE")
-    add_option_of(parser, _EXPORT, "target", "time_step")
+    parser.option("target", "--to", "mat, opensees or csv", metavar="TO", choices=_TARGETS, required=True)
+    command = "command at which the damper is exported, as in 0.5A; csv: default five over the tested ones"
+    parser.option("target", "--command", command, metavar="COMMAND")
+    error = "wanted error of BoucWen in OpenSees, a share of the largest force of the loop; default 0.005"
+    parser.option("target", "--error", error, Range.of(node_of(OpenSeesError)), metavar="SHARE")
+    time_step = "step of the analysis in OpenSees, of which the sub-steps are told; default 0.001"
+    parser.option("target", "--time-step", time_step, Range.of(node_of(OpenSeesTimeStep)), metavar="S")
     file = "file to write; without it opensees and csv are printed"
     parser.option(OUTPUT, "--output", file, named_path, metavar="FILE")
     parser.option(OUTPUT, "--replace", "replace a file that is there", bool)
@@ -51,14 +55,14 @@ def run(options: argparse.Namespace) -> int:
     observation = opened.observation_in_words if isinstance(opened, Fit) else ""
     document = {"run": str(options.run_folder), "to": options.to}
     document |= {"observation": observation} if observation else {}
-    wanted = arguments_of(options, _EXPORT)
+    wanted = {name: getattr(options, name) for name in ("command", "error", "time_step")}
     if options.output is not None:
-        path = export(options.run_folder, output=options.output, replace=options.replace, **wanted)
+        path = export(options.run_folder, options.to, options.output, replace=options.replace, **wanted)
         text = "\n".join(filter(None, (f"Written: {path}", observation)))
         print_result(options, document | {"output": str(path)}, text)
         return 0
     if options.to == "mat":
         raise SettingError("--to mat writes a file that is no text; give --output FILE")
-    text = exported(options.run_folder, tcl=True, **wanted).decode()
+    text = exported(options.run_folder, options.to, tcl=True, **wanted).decode()
     print_result(options, document | {"text": text}, text.rstrip("\n"))
     return 0

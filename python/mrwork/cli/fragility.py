@@ -7,10 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrwork.base.arguments import Level
+from mrwork.base.hints import Within, node_of
 from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.derived import Unloaded, add_option_of, arguments_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.derived import read_entry
+from mrwork.cli.numbers import Range, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import show_results, undrawn_warned
 from mrwork.store.output_file import write_file
@@ -18,9 +20,6 @@ from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
     from mrwork.study.fragilities import Fragilities
-
-
-_FRAGILITY = Unloaded("study.fragilities", "fragility")
 
 
 def add_options(parser: CommandParser) -> None:
@@ -35,10 +34,19 @@ def add_options(parser: CommandParser) -> None:
         "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
     )
     parser.add_argument("study_run", type=named_path, metavar="RUN", help="folder of mrwork respond")
-    add = partial(add_option_of, parser, _FRAGILITY, "fragility")
-    add("limit", reads=_limit, metavar="CRITERION=LIMIT")
-    add("level", metavar="P")
-    add("modelling_dispersion", metavar="BETA")
+    limit = (
+        "criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%; default: limit of [report] "
+        "or drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%"
+    )
+    one = partial(read_entry, _limit, "VALUE")
+    parser.option("fragility", "--limit", limit, one, metavar="CRITERION=LIMIT", repeated=True)
+    level, within = "level of the bands", Range.of(node_of(Level))
+    parser.option("fragility", "--level", level, within, default=0.9, metavar="P")
+    added, within = (
+        "standard deviation of the logarithm that models add",
+        Range(within=Within(least=0.0, most=10.0)),
+    )
+    parser.option("fragility", "--modelling-dispersion", added, within, default=0.0, metavar="BETA")
     parser.option(
         "fragility",
         "--against",
@@ -62,7 +70,12 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.fragilities import fragility
     from mrwork.study.results import StudyResults
 
-    result = fragility(load(options.study_run, StudyResults), **arguments_of(options, _FRAGILITY))
+    result = fragility(
+        load(options.study_run, StudyResults),
+        limit=options.limit,
+        level=options.level,
+        modelling_dispersion=options.modelling_dispersion,
+    )
     contents = [_table(result)] if files else []
     if files:
         with undrawn_warned("a figure", "the table stands without it"):

@@ -9,19 +9,18 @@ from functools import partial
 from math import inf
 from typing import Any
 
+from mrwork.base.hints import node_of
 from mrwork.base.numbers import NOTHING, format_fixed
 from mrwork.base.summary import list_names
 from mrwork.base.table import Column, Table
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.derived import Unloaded, add_options_of, arguments_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.numbers import Range, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model
+from mrwork.dampers.simulation import Amplitude, Frequency
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
-
-_LOOPS = Unloaded("plots.of_tests", "nominal_loops")
 
 
 def add_options(parser: CommandParser) -> None:
@@ -35,7 +34,10 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument("--presets", action="store_true", help=presets)
     figure = "draw the loops of the model with its nominal parameters, as an .svg or a .png file"
     parser.option("figure", "--figure", figure, named_path, metavar="FILE")
-    add_options_of(parser, _LOOPS, "figure", "amplitude", "frequency")
+    for name, usual, annotation in (("amplitude", 0.015, Amplitude), ("frequency", 2.5, Frequency)):
+        within = Range.of(node_of(annotation))
+        says = "of the motion of the figure"
+        parser.option("figure", f"--{name}", says, within, default=usual, metavar=within.metavar)
     end_parser(parser, run, quiet="")
 
 
@@ -120,7 +122,9 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     check_figure(options.figure)
     from mrwork.plots.of_tests import nominal_loops
 
-    write_figure(options.figure, nominal_loops(spec, **arguments_of(options, _LOOPS)))
+    write_figure(
+        options.figure, nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
+    )
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

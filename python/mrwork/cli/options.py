@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
-from mrwork.cli.derived import Unloaded, add_option_of
-from mrwork.cli.numbers import THREADS, named_path
+from mrwork.cli.numbers import SEED, THREADS, named_path
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -48,7 +47,8 @@ def add_threads(parser: CommandParser, workers: str = "") -> None:
 
 def add_seed(parser: CommandParser, also: str = "") -> None:
     """--seed of a study, and of what else it is."""
-    add_option_of(parser, Unloaded("runs.study", "read_study"), COMPUTATION, "seed", more=also)
+    says = f"seed of noise and synthetic motions{also}"
+    parser.option(COMPUTATION, "--seed", says, SEED, default=0, metavar="N")
 
 
 def end_parser(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from mrwork.base.progress import OnProgress
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.derived import Unloaded, add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import drawing, is_quiet, print_json, told_remarks
 from mrwork.cli.terminal import note, show
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
     from mrwork.records import DamperTest
 
 
-_PAGE = Unloaded("report.pages", "write_page")
-
-
 def add_options(parser: CommandParser) -> None:
     """Declare the run, and which of its pages and figures are written or opened."""
     parser.description = (
@@ -32,11 +28,17 @@ def add_options(parser: CommandParser) -> None:
     )
     parser.epilog = examples("mrwork report out/demo --summary", "mrwork report out/demo --figures")
     add_run(parser)
-    add_options_of(parser, _PAGE, "page", "summary")
+    front = (
+        "write the front of the page alone, one screen or sheet of paper, as summary.html beside report.html"
+    )
+    parser.option("page", "--summary", front, bool)
     parser.option("page", "--open", "open it in the browser", bool)
     figures = "of a fit: also write every figure of the page as an SVG and a PNG file into RUN/figures"
     parser.option("page", "--figures", figures, bool)
-    add_option_of(parser, _PAGE, "page", "every_test", "all_tests")
+    of_tests = (
+        "draw every test in full; by default up to four tests, of more the best, the median and the worst fit"
+    )
+    parser.option("page", "--all-tests", f"of a fit: {of_tests}", bool, dest="every_test")
     end_parser(parser, run)
 
 
@@ -57,7 +59,9 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.report.fit.page import write_figures
         from mrwork.report.pages import page_of
 
-        page, compared = page_of(path, **arguments_of(options, _PAGE), on_progress=on_progress)
+        page, compared = page_of(
+            path, summary=options.summary, every_test=options.every_test, on_progress=on_progress
+        )
         tests.extend(prediction.test for prediction in compared)
         written.append(page.write(path, summary=options.summary))
         if options.figures:

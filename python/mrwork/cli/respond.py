@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.derived import Unloaded, add_options_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.output import check_figure, is_quiet, print_result, progress_line, show_results, write_figure
@@ -62,7 +61,8 @@ def add_options(parser: CommandParser) -> None:
         choices=("test", "training", "all"),
         default="test",
     )
-    add_options_of(parser, Unloaded("study.run", "run_study"), "simulation", "check_step")
+    check = "repeat every run with half the integration step at the end, and compare"
+    parser.option("simulation", "--check-step", check, bool)
     parser.option(
         "simulation",
         "--ensemble",

@@ -44,7 +44,7 @@ def add_options(parser: CommandParser) -> None:
     parser.option(SEARCH, "--law", law, metavar="NAME", default=(), dest="laws", repeated=True)
     quick = f"at most {_QUICK[0]} candidates of each law in generations of {_QUICK[1]}: a first look, not a result"
     parser.option(SEARCH, "--quick", quick, bool)
-    add_seed(parser, "also of the searches")
+    add_seed(parser, "; also of the searches")
     add_threads(parser, "the runs without histories")
     add_trust(parser)
     end_parser(
