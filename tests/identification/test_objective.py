@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from mrwork.dampers import damper
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SettingError
 from mrwork.identification import FitSettings, Objective
-from mrwork.identification.objective import linearise_residuals
+from mrwork.identification.objective import NormalEquations, linearise_residuals
 from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.reading import synthetic_test
@@ -88,6 +89,49 @@ def test_jacobian_of_current_laws_over_several_tests(test: DamperTest) -> None:
         ahead, behind = objective.residuals(np.stack([theta + step, theta - step]))
         quotient = (ahead - behind) / (2.0 * step[column])
         assert np.linalg.norm(own - quotient) <= 1e-5 * np.linalg.norm(quotient)
+
+
+LAWS = {
+    "c": "linear",
+    "k": "linear:0,1",
+    "k_w": "log_quadratic:0,0.5,1",
+    "rho": "straight_log:0,0.4,1",
+    "sigma": "exponential",
+}
+
+
+@pytest.mark.parametrize("lagged", [False, True])
+def test_normal_equations_at_constant_commands_are_the_products_of_the_jacobian(
+    test: DamperTest, lagged: bool
+) -> None:
+    model = SPEC.with_current_laws(LAWS, lagged=lagged)
+    rows = model.nominal * np.exp(0.1 * np.random.default_rng(6).standard_normal((3, len(model.names))))
+    # A law that leaves its range, which has no slope there.
+    rows[2, [model.names.index(f"sigma.{number}") for number in range(3)]] = -1e3, 0.5, 0.3
+    # Commands that vary leave the laws to the simulation.
+    ramp = np.linspace(0.0, 1.0, test.n_time)
+    tests = tuple(
+        replace(
+            test, name=f"test {number}", current=current, observation=Observation(average_seconds=5 * test.dt)
+        )
+        for number, current in enumerate((0.0, 0.7, 1.2, ramp))
+    )
+    objective = Objective.of(model, tests)
+    box = Box.of(model).with_bounds({"n": (2.0, 2.0), "rho@0A": (1e3, 1e3)})
+    included = np.array([[True] * 4, [True, False, True, True], [True] * 4])
+    equations = NormalEquations.at(objective, box, rows, included)
+    for index, each in enumerate(tests):
+        alone = Objective.of(model, (each,))
+        residuals, jacobian = linearise_residuals(alone, rows, box.free)
+        for row in np.flatnonzero(included[:, index]):
+            matrix = jacobian[row] @ jacobian[row].T
+            scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+            difference = np.abs(equations.matrix[row, index] - matrix)
+            assert np.all(difference <= 1e-9 * np.maximum(scale, np.finfo(float).tiny))
+            pull = jacobian[row] @ residuals[row]
+            size = np.sqrt(np.diag(matrix)) * np.linalg.norm(residuals[row])
+            assert np.all(np.abs(equations.gradient[row, index] - pull) <= 1e-9 * size)
+            assert equations.squared[row, index] == pytest.approx(residuals[row] @ residuals[row], rel=1e-9)
 
 
 def test_tests_side_by_side_give_the_bits_of_one_after_the_other(test: DamperTest) -> None:

@@ -201,6 +201,24 @@ def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:
     assert middle_excerpt(fine).dt == pytest.approx(4.0 * fine.dt)
 
 
+def test_a_motion_that_begins_and_dies_away_is_one_of_equal_cycles_in_its_middle() -> None:
+    test = sinusoidal_test("viscous_dahl", (800.0, 300.0, 2000.0, 20.0), (0.010, 1.0), noise=0.0, cycles=12)
+
+    def with_sizes(*sizes: float) -> DamperTest:
+        size = np.interp(test.time, np.arange(len(sizes)) * 12.0 / (len(sizes) - 1), sizes)
+        return replace(test, displacement=size * test.displacement, velocity=size * test.velocity)
+
+    short = middle_excerpt(with_sizes(0.3, *[1.0] * 11, 0.3))
+    assert short.n_time * short.dt < 5.0
+    # Motions that grow, or that have a part of another stroke, stay whole.
+    for other in (
+        with_sizes(0.2, 1.0),
+        with_sizes(*[1.0] * 8, *[0.5] * 5),
+        with_sizes(*[1.0] * 6, 0.5, *[1.0] * 6),
+    ):
+        assert middle_excerpt(other).n_time * short.dt > 10.0
+
+
 @pytest.fixture(scope="module")
 def gapped(settings: FitSettings) -> Choice:
     """A choice from tests at 0, 0.5 and 1.5 A of a yield force of 110, 640 and 1430 N, quadratic in the command."""

@@ -103,6 +103,24 @@ class CommandLaw:
             value = coefficient + value * command
         return value
 
+    def slopes(self, coefficients: Floats, commands: Floats) -> Floats:
+        """Derivatives of the values by each coefficient, (n_coefficients, n_commands, n_rows), of rows of them.
+
+        `coefficients` have shape (n_coefficients, n_rows), `commands` (n_commands,).
+        """
+        at = commands[:, None]
+        if self.nodes:
+            by_node = self._curve(np.eye(len(self.nodes)), at).T[..., None]
+            if self.has_logarithms:
+                by_node = by_node * self.values(coefficients, at) / coefficients[:, None]
+        elif self.is_exponential:
+            _, factor, exponent = coefficients
+            rise = np.exp(exponent * at)
+            by_node = np.stack([np.ones_like(rise), rise, factor * at * rise])
+        else:
+            by_node = np.power(commands, np.arange(self.n_coefficients)[:, None])[..., None]
+        return np.broadcast_to(by_node, (len(coefficients), len(commands), coefficients.shape[1]))
+
     def through(self, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
         """Coefficients by least squares from the values `column` of a parameter at commands, (n_commands,)."""
         if self.is_constant:

@@ -23,6 +23,9 @@ _EXCERPT_PER_CYCLE = 400
 _MIDDLE_PER_CYCLE = 100
 # Least range of a cycle, as a share of the largest, of a motion of which a few cycles are enough.
 _SAME_RANGE = 0.9
+# Cycles at either end that may have less, where cycles are taken from the middle, and the most of them, as a share.
+_ENDS = 2
+_MOST_ENDS = 1.0 / 3.0
 # Shares of the samples between which the range of a cycle is taken.
 _INNER = (0.1, 0.9)
 # A record keeps so many samples, if it has them: the corners of a triangle are sharper than its frequency shows.
@@ -64,8 +67,11 @@ def excerpt(test: DamperTest) -> DamperTest:
     return cut(test, end=test.start_time + _excerpt_seconds(test, motion.dominant), every=thin)
 
 
-def _repeats(test: DamperTest, frequency: float) -> bool:
-    """Whether all periods of the motion have the same range of displacement and velocity, but for single samples."""
+def _repeats(test: DamperTest, frequency: float, ends: int = 0) -> bool:
+    """Whether all periods of the motion have the same range of displacement and velocity, but for single samples.
+
+    So many at each of the `ends`, where the motion begins and dies away, may have less, a third of all at most.
+    """
     period = round(1.0 / (frequency * test.dt))
     count = test.n_time // period
     if count == 0:
@@ -74,7 +80,10 @@ def _repeats(test: DamperTest, frequency: float) -> bool:
         np.ptp(np.quantile(signal[: count * period].reshape(count, period), _INNER, axis=1), axis=0)
         for signal in (test.displacement, test.velocity)
     ]
-    return all(np.min(each) >= _SAME_RANGE * np.max(each) for each in ranges)
+    same = np.all([each >= _SAME_RANGE * np.max(each) for each in ranges], axis=0)
+    first, last = int(np.argmax(same)), int(np.argmax(same[::-1]))
+    within = same[first : count - last]
+    return bool(within.all() and max(first, last) <= ends and within.size >= (1.0 - _MOST_ENDS) * count)
 
 
 def _thinned(test: DamperTest, every: int) -> DamperTest:
@@ -162,11 +171,11 @@ def middle_excerpt(test: DamperTest, cycles: int | None = None) -> DamperTest:
     """As many cycles from the middle of a cyclic test, with 100 samples in each, slow ones in steps of 0.04 s.
 
     They represent a drifting force better than the first ones. Another motion, and a test whose command varies, is
-    treated as by `excerpt`, and so is one whose cycles differ, unless a number of `cycles` is given.
+    treated as by `excerpt`. So is one whose cycles differ, but for its ends, unless a number of `cycles` is given.
     """
     motion = spectrum(test.displacement, test.dt)
     is_cyclic = motion.dominant > 0.0 and motion.band_edge <= _CYCLIC_BAND * motion.dominant
-    if not is_cyclic or test.has_varying_command or not (cycles or _repeats(test, motion.dominant)):
+    if not is_cyclic or test.has_varying_command or not (cycles or _repeats(test, motion.dominant, _ENDS)):
         return excerpt(test)
     length = _excerpt_seconds(test, motion.dominant, cycles or _EXCERPT_CYCLES)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)

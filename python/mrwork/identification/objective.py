@@ -15,7 +15,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Misfits, simulate_misfits
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
@@ -308,6 +308,72 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     return np.concatenate(residuals, axis=-1), np.concatenate(jacobians, axis=-1)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _AtCommands:
+    """Candidates, rows of `theta` (n_rows, n_params), as parameters of the plain model at constant commands of tests.
+
+    The plain model has fewer parameters than its laws have coefficients: `values`, (n_commands, n_rows, n_plain), and
+    their `slopes` by the free coefficients, (n_commands, n_rows, n_columns, n_free), of the `columns` that have any.
+    """
+
+    free: tuple[int, ...]
+    theta: Floats
+    plain: DamperSpec
+    commands: Floats
+    values: Floats
+    columns: tuple[int, ...]
+    slopes: Floats
+
+    @classmethod
+    def of(cls, objective: Objective, box: Box, theta: Floats) -> _AtCommands:
+        """The candidates at the constant commands of the tests of an objective."""
+        spec = objective.spec
+        commands = np.unique(
+            [test.held_command for test in objective.compared if test.held_command is not None]
+        )
+        *coefficients, rest = by_parameter(spec, theta)
+        rest = rest[:, int(spec.lagged) :]
+        n_plain, n_rest = len(spec.plain), rest.shape[1]
+        values = np.empty((len(commands), len(theta), n_plain + n_rest))
+        slopes = np.zeros((*values.shape, theta.shape[1]))
+        first = 0
+        for number, ((parameter, law), own) in enumerate(zip(spec.law_pairs, coefficients, strict=True)):
+            # Between far values a curve may go anywhere.
+            with np.errstate(over="ignore", invalid="ignore"):
+                value, slope = law.values(own.T, commands[:, None]), law.slopes(own.T, commands)
+            if not law.is_constant:
+                # A parameter that is limited to its range has derivatives of zero.
+                inside = (value >= parameter.lower) & (value <= parameter.upper)
+                value, slope = np.clip(value, parameter.lower, parameter.upper), np.where(inside, slope, 0.0)
+            values[..., number] = value
+            slopes[..., number, first : first + len(slope)] = np.moveaxis(slope, 0, -1)
+            first += len(slope)
+        values[..., n_plain:] = rest
+        slopes[..., n_plain:, slopes.shape[-1] - n_rest :] = np.eye(n_rest)
+        parameter_of = np.repeat(np.arange(n_plain), [law.n_coefficients for law in spec.laws])
+        of_column = [*parameter_of, *[-1] * spec.lagged, *range(n_plain, n_plain + n_rest)]
+        columns = tuple(sorted({int(of_column[column]) for column in box.free} - {-1}))
+        return cls(
+            free=box.free,
+            theta=theta,
+            plain=spec.without_laws,
+            commands=commands,
+            values=values,
+            columns=columns,
+            slopes=slopes[:, :, columns][..., box.free],
+        )
+
+    def of_test(self, test: ObservedTest) -> tuple[ObservedTest, Floats, Sequence[int], Floats | None]:
+        """A test with its candidates, the columns of these to differentiate by, and the slopes of these columns.
+
+        At a constant command it is one of the plain model, else there are no slopes.
+        """
+        if (command := test.held_command) is None:
+            return test, self.theta, self.free, None
+        level = int(np.searchsorted(self.commands, command))
+        return replace(test, spec=self.plain), self.values[level], self.columns, self.slopes[level]
+
+
 @array_dataclass()
 class NormalEquations:
     """Squared NRMSE of tests, (n_rows, n_tests), half its gradient by the free parameters, (..., n_free), and J'J.
@@ -326,26 +392,34 @@ class NormalEquations:
         """Simulate rows of `theta`, (n_rows, n_params), with derivatives, on the tests that each `included` row has."""
         objective.tally.simulations += len(theta)
         n_free = len(box.free)
+        at_commands = _AtCommands.of(objective, box, theta)
         squared = np.full(included.shape, np.inf)
         gradient = np.zeros((*included.shape, n_free))
         matrix = np.zeros((*included.shape, n_free, n_free))
 
         def fill(index: int, threads: int) -> int:
-            test = objective.compared[index]
             rows = np.flatnonzero(included[:, index])
-            at_once = max(1, _BLOCK_SIZE // (test.measured.size * max(n_free, 1)))
+            test, candidates, columns, slopes = at_commands.of_test(objective.compared[index])
+            at_once = max(1, _BLOCK_SIZE // (test.measured.size * max(len(columns), 1)))
             scale = 1.0 / test.deviation / np.sqrt(test.measured.size)
             for some in (rows[first : first + at_once] for first in range(0, rows.size, at_once)):
-                residuals, jacobian, failed = test.linearise_residuals(theta[some], box.free, threads=threads)
+                residuals, jacobian, failed = test.linearise_residuals(
+                    candidates[some], columns, threads=threads
+                )
                 # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
                 with np.errstate(over="ignore", invalid="ignore"):
                     residuals *= scale
                     jacobian *= scale
                     squares = np.einsum("bt,bt->b", residuals, residuals)
-                    gradient[some, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
-                    matrix[some, index] = jacobian @ jacobian.transpose(0, 2, 1)
+                    pull = np.einsum("bpt,bt->bp", jacobian, residuals)
+                    square = jacobian @ jacobian.transpose(0, 2, 1)
+                    if slopes is not None:
+                        own = slopes[some]
+                        pull = np.einsum("bp,bpq->bq", pull, own)
+                        square = own.transpose(0, 2, 1) @ square @ own
+                    gradient[some, index], matrix[some, index] = pull, square
                 squared[some, index] = np.where(failed, np.inf, squares)
-            return test.steps(theta[rows])
+            return test.steps(candidates[rows])
 
         objective.tally.steps += sum(on_every_test(len(objective.compared), objective.threads, fill))
         return cls(squared=squared, gradient=gradient, matrix=matrix)

@@ -383,6 +383,14 @@ class ObservedTest:
         return replace(ObservedTest.of(self.spec, test, self.each), share=self.share)
 
     @property
+    def held_command(self) -> float | None:
+        """The constant command of laws of a model of ours; `None` where there are no laws, or it varies."""
+        if not self.spec.follows_command or self.spec.own is not None or self.ties is not None:
+            return None
+        command = self.test.command_in(self.spec.command_unit)
+        return float(command) if isinstance(command, int | float) else None
+
+    @property
     def is_plain(self) -> bool:
         """Whether the residuals are the differences of force, without weights or a loss."""
         return self.weights is None and self.loss is None
