@@ -178,9 +178,6 @@ def test_sum_is_near_the_exact_pressure() -> None:
     given = {"flow": flow, "yield_stress": tau, "viscosity": VISCOSITY}
     exact = plate_pressure(SLOT, **given)
     assert np.abs(summed_pressure(SLOT, **given) / exact - 1.0).max() < 0.04
-    low, high = (summed_pressure(SLOT, **given, coefficient=each) for each in (2.0, 3.0))
-    assert np.all(low < exact)
-    assert np.all(exact < high)
 
 
 def test_sum_without_yield_stress_is_exact_for_plates() -> None:

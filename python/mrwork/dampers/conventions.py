@@ -18,7 +18,6 @@ from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.conversions import (
     bouc_wen_from_normalised,
-    check_columns,
     normalised_from_bouc_wen,
     rescaled_bouc_wen,
 )
@@ -141,8 +140,7 @@ def opensees_from_bouc_wen(
     SettingError
         If no such material exists; the message gives the reason.
     """
-    check_columns(theta, 8)
-    if theta[6] <= 0.0:
+    if len(theta) == 8 and theta[6] <= 0.0:
         raise SettingError(f"A is {theta[6]:g}; the loop has a stiffness only where A is positive")
     c0, k0, x0, alpha, gamma, beta, _, n = map(float, rescaled_bouc_wen(theta, Ao))
     if k0 * x0 != 0.0:

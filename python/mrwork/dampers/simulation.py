@@ -165,7 +165,7 @@ def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.Loadi
     """
     rows = _rows(spec, theta)
     if spec.own is not None:
-        shares: Floats = _own_batches().stiffness(spec, rows, history, most=MOST_SUBSTEPS) / MOST_SUBSTEPS
+        shares: Floats = _own_batches().stiffness(spec, rows, history) / MOST_SUBSTEPS
         return shares
     with core_refusals():
         return _rust.stiffness_shares(spec.name, rows, history, *_laws(spec))
@@ -220,7 +220,7 @@ def simulate_forces(
     """
     rows = _rows(spec, theta)
     if spec.own is not None:
-        force, substeps = _own_batches().forces(spec, rows, history, substep_factor, most=MOST_SUBSTEPS)
+        force, substeps = _own_batches().forces(spec, rows, history, substep_factor)
         outcome = _outcome_of(force, substeps)
     else:
         with core_refusals():
@@ -258,9 +258,7 @@ def simulate_sensitivities(
     rows = _rows(spec, theta)
     wanted = None if columns is None else [int(column) for column in columns]
     if spec.own is not None:
-        force, jacobian, substeps = _own_batches().sensitivities(
-            spec, rows, history, wanted, 1, most=MOST_SUBSTEPS
-        )
+        force, jacobian, substeps = _own_batches().sensitivities(spec, rows, history, wanted)
         outcome = _outcome_of(force, substeps)
     else:
         with core_refusals():

@@ -30,7 +30,7 @@ from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
 from mrwork.records.observation import AS_IT_IS, Effect, observe_by
 from mrwork.twins.kernel import Kernel
-from mrwork.twins.models import on_processor
+from mrwork.twins.models import on_processor, root
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.traced_function import TracedFunction
 
@@ -132,13 +132,7 @@ class Misfit:
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
         """The root mean square of the NRMSE; infinite where a simulation failed."""
         residuals, failed = self.residuals.normalised(theta, tests)
-        return jnp.where(failed, jnp.inf, _root(jnp.sum(residuals**2)))
-
-
-def _root(value: Array) -> Array:
-    """The square root, with a derivative of zero at zero."""
-    positive = value > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
+        return jnp.where(failed, jnp.inf, root(jnp.sum(residuals**2)))
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -334,15 +328,12 @@ def function_of(
 
 
 def _substeps(wanted: int | None) -> int | None:
-    if wanted is not None and wanted not in _POWERS:
+    if wanted is not None and not (0 < wanted <= MOST_SUBSTEPS and wanted.bit_count() == 1):
         raise SettingError(
             f"`substeps` is {wanted}; give a power of two from 1 to {MOST_SUBSTEPS}, or leave it out for those of the "
             "stepping rule"
         )
     return wanted
-
-
-_POWERS = [2**power for power in range(MOST_SUBSTEPS.bit_length())]
 
 
 def _filtered(

@@ -188,7 +188,7 @@ def _simulate(
         plant=LoopPlant.of(plant | matrices),
         devices=with_theta(devices, inputs.theta),
         believed=believed,
-        law=LAWS[law](inputs.gains),
+        law=partial(LAWS[law], inputs.gains),
         largest=largest,
         dead_zone=shaping[0],
         furthest=shaping[1],

@@ -6,7 +6,7 @@ building, dampers and energies advance by the classical Runge-Kutta rule, the dr
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from mrwork import _rust
 from mrwork.base.values import array_dataclass
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.loop_laws import Law, Measurement
-from mrwork.twins.models import parameters_at, twin_of
+from mrwork.twins.loop_laws import Measurement
+from mrwork.twins.models import parameters_at, root, twin_of
 from mrwork.twins.own_stepping import radius_of
 
 # As STEPS_PER_CHECK of `block.rs`.
@@ -253,7 +253,7 @@ class LoopRun(NamedTuple):
     plant: LoopPlant
     devices: Devices
     believed: Devices | None
-    law: Law
+    law: Callable[[Measurement], Array]
     largest: Array
     dead_zone: Array | float
     furthest: Array | float
@@ -360,7 +360,7 @@ class _Loop:
             largest=run.largest,
             prescribed=at.prescribed,
         )
-        raw = run.law.command(measured)
+        raw = run.law(measured)
         command = jnp.clip(jnp.where(jnp.isnan(raw), 0.0, raw), 0.0, run.largest)
         command = jnp.where(jnp.abs(v[:n]) < run.dead_zone, 0.0, command)
         before = carry.commands[0, :n]
@@ -519,7 +519,7 @@ class _Loop:
         ends = np.cumsum([len(signal) for signal in named.values()])[:-1]
         peaks, roots = (
             dict(zip(named, jnp.split(values, ends), strict=True))
-            for values in (reductions.signals.peak, _root(reductions.signals.squares / n_steps))
+            for values in (reductions.signals.peak, root(reductions.signals.squares / n_steps))
         )
         kinetic, strain = self.held(motion)
         none, drift = jnp.zeros(0), times(self.run.plant.storeys, motion.q)
@@ -551,12 +551,6 @@ class _Loop:
             bound=reductions.bound,
             invalid=reductions.invalid,
         )
-
-
-def _root(square: Array) -> Array:
-    """Square root, with a derivative of zero at zero."""
-    positive = square > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
 
 
 def times(matrix: Array, vector: Array) -> Array:

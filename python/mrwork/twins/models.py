@@ -63,6 +63,12 @@ def power(base: Array, exponent: Array) -> Array:
     return jnp.where(positive, jnp.where(positive, base, 1.0) ** exponent, 0.0)
 
 
+def root(square: Array) -> Array:
+    """Square root, with a derivative of zero at zero."""
+    positive = square > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+
+
 @_twin()
 def bingham(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = f_c tanh(v/v_s) + c0 v + f0 (Stanway, Sproston and Stevens 1987)."""

@@ -327,7 +327,7 @@ def _simulate(
             plant=arrays.plant,
             devices=with_theta(devices, arrays.theta),
             believed=believed,
-            law=LAWS[law](arrays.gains),
+            law=partial(LAWS[law], arrays.gains),
             largest=largest,
             dead_zone=arrays.dead_zone,
             furthest=arrays.furthest,

@@ -178,21 +178,19 @@ def summed_pressure(
     viscosity: Viscosity,
     flow_index: FlowIndex = 1.0,
     wall_speed: WallSpeeds = 0.0,
-    coefficient: Annotated[float, Within(least=2.0, most=3.0)] | None = None,
 ) -> Floats:
     """Pressure drop as the sum of a viscous and a yield part, the usual approximation; arguments of `annular_pressure`.
 
     `12 eta L (Q + w h v/2)/(w h^3) + c tau_y L/h`, for n other than 1 with the viscosity at the wall of a fluid without
-    yield stress. Without a `coefficient`, c is of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w
-    h^2 tau_y/(12 Q eta)` (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
+    yield stress. The factor c is of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w h^2 tau_y/(12 Q eta)`
+    (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
     """
     flow, tau, speed = broadcast(
         "summed_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
     )
     viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
     ratio = np.divide(tau, slot.gap * viscous, out=np.full(tau.shape, np.inf), where=viscous > 0.0)
-    c = 2.07 + 1.0 / (1.0 + 0.4 * ratio) if coefficient is None else coefficient
-    return slot.length * (viscous + c * tau / slot.gap)
+    return slot.length * (viscous + (2.07 + 1.0 / (1.0 + 0.4 * ratio)) * tau / slot.gap)
 
 
 PRESSURES: Final[Mapping[FlowModel, Callable[..., Floats]]] = {
