@@ -58,10 +58,7 @@ def test_bingham_annulus_has_the_flow_of_fredrickson_and_bird(ratio: float, yiel
     assert np.pi * drop * radius**4 / (8.0 * VISCOSITY * slot.length) * shape == pytest.approx(flow, rel=1e-5)
 
 
-@given(
-    ratio=st.floats(1e-3, 1e3),
-    moving=st.floats(0.0, 0.5),
-)
+@given(ratio=st.floats(1e-3, 1e3), moving=st.floats(0.0, 0.5))
 @examples(25)
 def test_bingham_plates_have_the_roots_of_phillips(ratio: float, moving: float) -> None:
     # With P = w h^3 dp/(12 Q eta L), T = w h^2 tau_y/(12 Q eta) and V = -w h v/(2 Q), v against the flow.

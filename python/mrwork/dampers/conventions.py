@@ -16,11 +16,7 @@ from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.dampers.conversions import (
-    bouc_wen_from_normalised,
-    normalised_from_bouc_wen,
-    rescaled_bouc_wen,
-)
+from mrwork.dampers.conversions import bouc_wen_from_normalised, normalised_from_bouc_wen, rescaled_bouc_wen
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 

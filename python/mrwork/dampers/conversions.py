@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from mrwork.base.arguments import AnyArray, checked
 from mrwork.base.values import Floats
+from mrwork.dampers.laws import Array
 from mrwork.errors import SettingError
-
-# NumPy or JAX.
-Array = Any
 
 # A number that is not finite is refused in a sentence.
 _QUIET = np.errstate(divide="ignore", invalid="ignore", over="ignore")

@@ -19,14 +19,12 @@ from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
+from mrwork.dampers.laws import Array
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 Coordinates = Literal["theta", "unit", "latent"]
 """How a point gives the free parameters: their values, their shares of the range, or the logits of these."""
-
-# NumPy or JAX array; no annotation covers both without importing JAX.
-Array = Any
 
 # A parameter closer to a bound than this share of its range is on the bound.
 ON_BOUND = 1e-4

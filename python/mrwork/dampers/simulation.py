@@ -194,13 +194,7 @@ def simulate_misfits(
         return Misfits(squared_error=squared_error, outcome=run.outcome, substeps=run.substeps, steps=steps)
     with core_refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
-            spec.name,
-            _rows(spec, theta),
-            history,
-            force,
-            first,
-            *_laws(spec),
-            threads=threads,
+            spec.name, _rows(spec, theta), history, force, first, *_laws(spec), threads=threads
         )
     return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 

@@ -64,9 +64,7 @@ class Residuals:
     ties: Ties | None
 
     @classmethod
-    def of(
-        cls, objective: Objective, *, columns: Sequence[int], substeps: int | None, threads: int
-    ) -> Residuals:
+    def of(cls, objective: Objective, *, columns: Sequence[int], substeps: int, threads: int) -> Residuals:
         """The form of an objective; it is differentiated with respect to these columns of `theta`, and those tied."""
         first = objective.compared[0]
         if callable(first.loss and first.loss.rho):
@@ -79,8 +77,8 @@ class Residuals:
             # Refuse here what cannot be observed.
             test.observation.observe(np.zeros(2), test.dt, np.zeros(2))
         return cls(
-            kernel=Kernel.of(
-                objective.spec, columns=sorted({*columns, *tied}), substeps=substeps, threads=threads
+            kernel=Kernel(
+                spec=objective.spec, columns=(*sorted({*columns, *tied}),), substeps=substeps, threads=threads
             ),
             # Without an observation model another step needs no other compilation.
             observed=tuple(
@@ -213,7 +211,7 @@ def force(
     spec = damper(model) if isinstance(model, str) else model
     return TracedFunction.of(
         f"Force of {spec.name}",
-        Kernel.of(spec, substeps=_substeps(substeps), threads=threads),
+        Kernel(spec=spec, columns=(*range(len(spec.names)),), substeps=_substeps(substeps), threads=threads),
         box=Box.of(spec),
         units=tuple(parameter.unit for parameter in spec.parameters),
         coordinates=coordinates,
@@ -327,13 +325,13 @@ def function_of(
     )
 
 
-def _substeps(wanted: int | None) -> int | None:
+def _substeps(wanted: int | None) -> int:
     if wanted is not None and not (0 < wanted <= MOST_SUBSTEPS and wanted.bit_count() == 1):
         raise SettingError(
             f"`substeps` is {wanted}; give a power of two from 1 to {MOST_SUBSTEPS}, or leave it out for those of the "
             "stepping rule"
         )
-    return wanted
+    return wanted or 0
 
 
 def _filtered(

@@ -281,13 +281,12 @@ def loop(
     loop_devices = tuple(LoopDevice.of(device) for device in devices)
     gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
     if isinstance(law, ControlLaw):
-        if len(law.gain_rows(len(devices), 2 * building.n_coordinates)) != 1:
+        widths = len(devices), 2 * building.n_coordinates
+        if len(law.gain_rows(*widths)) != 1:
             raise SettingError(f"the gains of {name} are of several candidates; give gains of one")
-        shapes = {
-            gain.name: gain.shape_for(len(devices), 2 * building.n_coordinates) for gain in law.spec.gains
-        }
         gains = {
-            key: np.reshape(np.asarray(law.gains[key], dtype=float), shape) for key, shape in shapes.items()
+            gain.name: np.asarray(law.gains[gain.name], dtype=float).reshape(gain.shape_for(*widths))
+            for gain in law.spec.gains
         }
         believed = believed_devices(loop_devices, law.curve)
         shaping = law.shaping or shaping

@@ -60,10 +60,7 @@ def forces(
 
 @on_processor()
 def sensitivities(
-    spec: DamperSpec,
-    theta: Floats,
-    history: _rust.LoadingHistory,
-    columns: Sequence[int] | None,
+    spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, columns: Sequence[int] | None
 ) -> tuple[Floats, Floats, Counts]:
     """Forces and sub-steps as `forces`, and derivatives in columns of `theta`, (n_batch, n_columns, n_time)."""
     chosen = list(range(theta.shape[1])) if columns is None else list(columns)

@@ -93,9 +93,7 @@ def annular_pressure(
     NDArray
         [Pa], of the shape to which `flow`, `yield_stress` and `wall_speed` broadcast.
     """
-    flow, tau, speed = broadcast(
-        "annular_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
-    )
+    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
     inner, outer = slot.inner_radius, slot.inner_radius + slot.gap
 
     def profile(gradient: Floats, neutral: Floats) -> tuple[Floats, Floats]:
@@ -140,9 +138,7 @@ def plate_pressure(
     Variable Yield Stress, thesis, Berkeley, 1969), with a moving wall of his quintic. Arguments and result as
     in `annular_pressure`.
     """
-    flow, tau, speed = broadcast(
-        "plate_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
-    )
+    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
     gap, power = slot.gap, 1.0 + 1.0 / flow_index
 
     def compute_flow(gradient: Floats) -> Floats:
@@ -185,12 +181,11 @@ def summed_pressure(
     yield stress. The factor c is of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w h^2 tau_y/(12 Q eta)`
     (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
     """
-    flow, tau, speed = broadcast(
-        "summed_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
-    )
+    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
     viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
     ratio = np.divide(tau, slot.gap * viscous, out=np.full(tau.shape, np.inf), where=viscous > 0.0)
-    return slot.length * (viscous + (2.07 + 1.0 / (1.0 + 0.4 * ratio)) * tau / slot.gap)
+    c: Floats = 2.07 + 1.0 / (1.0 + 0.4 * ratio)
+    return slot.length * (viscous + c * tau / slot.gap)
 
 
 PRESSURES: Final[Mapping[FlowModel, Callable[..., Floats]]] = {
@@ -233,7 +228,7 @@ def _gradient(
     return np.where(flowing, roots_between(excess, low, high), at_rest)
 
 
-def broadcast(function: str, **values: ArrayLike) -> tuple[Floats, ...]:
+def broadcast(**values: ArrayLike) -> tuple[Floats, ...]:
     """Arguments of a function as arrays of the shape to which they broadcast."""
     arrays = [np.asarray(value, dtype=np.float64) for value in values.values()]
     try:
@@ -241,7 +236,7 @@ def broadcast(function: str, **values: ArrayLike) -> tuple[Floats, ...]:
     except ValueError:
         shapes = ", ".join(f"`{name}` {array.shape}" for name, array in zip(values, arrays, strict=True))
         raise SettingError(
-            f"arguments of {function} have the shapes {shapes}; give shapes that broadcast against each other"
+            f"the shapes are {shapes}; give shapes that broadcast against each other"
         ) from None
 
 
