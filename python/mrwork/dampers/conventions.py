@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.base.arguments import Positive, Shape, checked
 from mrwork.base.hints import InUnit, Within
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
@@ -316,9 +316,8 @@ def convert(
 def _complete(convention: Convention, values: Mapping[str, float]) -> dict[str, float]:
     names = NAMES[convention]
     for name in values:
-        if name not in names:
-            near = suggestion(name, names, otherwise="it has")
-            raise SettingError(f"{convention} has no parameter {name!r}{near}")
+        sentence = f"{convention} has no parameter {name!r}"
+        check_known(name, names, sentence, otherwise="it has", kind=SettingError)
     missing = [name for name in names if name not in values and name not in _OPTIONAL]
     if missing:
         raise SettingError(f"{convention} also needs {', '.join(missing)}; give each as NAME=VALUE")

@@ -298,7 +298,6 @@ def simulate_force(
     return force
 
 
-@checked
 def refuse_failure(what: str, outcome: int) -> None:
     """Refuse a simulation that did not finish."""
     ended = Outcome(outcome)
@@ -306,7 +305,6 @@ def refuse_failure(what: str, outcome: int) -> None:
         raise SimulationError(f"{what} ended as {ended.name.lower()}: {ended.remedy}")
 
 
-@checked
 def refuse_other_unit(loading: Loading, spec: DamperSpec) -> None:
     """Refuse a loading without the command that the model follows."""
     if spec.command_unit is not None and loading.command_unit != spec.command_unit:

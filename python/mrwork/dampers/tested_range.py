@@ -282,13 +282,9 @@ def outside_of(
 ) -> Outside:
     """Compare a demand with the tested ranges of a damper, and evaluate its laws at the demanded commands."""
     exceedances = () if tested is None else tested.exceeded_by(demand)
+    laws = {"command": spec.following}
     return Outside(
-        exceedances=tuple(
-            replace(exceedance, extrapolated=spec.following)
-            if exceedance.quantity == "command"
-            else exceedance
-            for exceedance in exceedances
-        ),
+        exceedances=tuple(replace(each, extrapolated=laws.get(each.quantity, ())) for each in exceedances),
         laws=() if demand.command is None else law_limits(spec, theta, demand.command),
         known=tested is not None,
     )

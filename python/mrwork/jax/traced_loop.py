@@ -112,7 +112,6 @@ class Loop(Summarised):
         n_samples = len(self.time) - 1
         n_kept = power_of_two(n_samples, STRETCH)
         delay = hardware.delay_steps * (steps // hardware.steps)
-        dead_zone, slope = self.shaping
         with on_processor():
             ground = stage_values(
                 inputs.acceleration, self.dt, hardware.sample_time / steps, n_samples * steps
@@ -122,14 +121,15 @@ class Loop(Summarised):
                 sent = jnp.asarray(commands)[:n_samples]
                 commands = jnp.pad(sent, ((0, n_kept - len(sent)), (0, 0)), mode="edge")
             result = _simulate(
-                inputs._replace(acceleration=None, commands=None),
-                jnp.pad(ground.ravel(), (0, 3 * steps * (n_kept - n_samples))),
-                commands,
+                inputs._replace(
+                    acceleration=jnp.pad(ground.ravel(), (0, 3 * steps * (n_kept - n_samples))),
+                    commands=commands,
+                ),
                 {name: self.matrices[name] for name in MATRICES[3:]},
                 self.devices,
                 self.believed,
                 self.largest,
-                (dead_zone, min(slope, hardware.command_rate) * hardware.sample_time),
+                self.shaping,
                 hardware.sample_time,
                 n_samples,
                 law=self.law,
@@ -167,8 +167,6 @@ class Loop(Summarised):
 @partial(jax.jit, static_argnames=("law", "steps", "n_kept", "delay", "histories"))
 def _simulate(
     inputs: LoopInputs,
-    ground: Array,
-    commands: Array | None,
     matrices: dict[str, Array],
     devices: Devices,
     believed: Devices | None,
@@ -183,6 +181,7 @@ def _simulate(
     delay: int,
     histories: bool,
 ) -> LoopResult:
+    """Simulate with the ground of all steps, and padded commands, in place of the inputs of these names."""
     plant = {"mass": inputs.mass, "damping": inputs.damping, "stiffness": inputs.stiffness}
     run = LoopRun(
         plant=LoopPlant.of(plant | matrices),
@@ -194,11 +193,11 @@ def _simulate(
         furthest=shaping[1],
         delay=delay,
         sample_time=sample_time,
-        ground=ground,
+        ground=inputs.acceleration,
     )
     depth = 1 + -(-delay // steps)
     return simulate(
-        run, n_samples, steps, n_kept=n_kept, depth=depth, prescribed=commands, histories=histories
+        run, n_samples, steps, n_kept=n_kept, depth=depth, prescribed=inputs.commands, histories=histories
     )
 
 
@@ -320,7 +319,7 @@ def loop(
         devices=loop_devices,
         believed=believed,
         largest=largest,
-        shaping=shaping,
+        shaping=(shaping[0], min(shaping[1], hardware.command_rate) * hardware.sample_time),
     )
 
 

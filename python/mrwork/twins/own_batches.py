@@ -33,8 +33,8 @@ Counts = NDArray[np.uint32]
 _FEWEST_ROWS, _FEWEST_SAMPLES = 8, 1024
 # Candidates whose sub-steps are remembered.
 _MOST_COUNTS = 2000
-# Most numbers of the states, forces and derivatives of a call.
-_MOST_NUMBERS = 3e7
+MOST_NUMBERS = 3e7
+"""Most numbers of the states, forces and derivatives, or of the histories, of a call."""
 
 
 @on_processor()
@@ -138,7 +138,7 @@ def _run(
     n_kept = power_of_two(history.n_time, _FEWEST_SAMPLES)
     record = _record(history, n_kept)
     row_size = n_kept * (spec.n_states + 2) * (1 if directions is None else 1 + len(directions))
-    at_once = max(_FEWEST_ROWS, 1 << int(np.log2(max(_MOST_NUMBERS / row_size, 1.0))))
+    at_once = max(_FEWEST_ROWS, 1 << int(np.log2(max(MOST_NUMBERS / row_size, 1.0))))
     parts = []
     for start in range(0, len(theta), at_once):
         rows = theta[start : start + at_once]
