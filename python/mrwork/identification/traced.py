@@ -64,7 +64,9 @@ class Residuals:
     ties: Ties | None
 
     @classmethod
-    def of(cls, objective: Objective, *, columns: Sequence[int], substeps: int, threads: int) -> Residuals:
+    def of(
+        cls, objective: Objective, *, columns: Sequence[int], substeps: int = 0, threads: int = 1
+    ) -> Residuals:
         """The form of an objective; it is differentiated with respect to these columns of `theta`, and those tied."""
         first = objective.compared[0]
         if callable(first.loss and first.loss.rho):
