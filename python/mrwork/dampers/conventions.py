@@ -336,5 +336,4 @@ def _spencer(convention: Convention, values: dict[str, float], scale: float | No
         if values[name] <= 0.0:
             raise SettingError(f"{name} is {values[name]:g}; it must be positive for the loop to dissipate")
     nominal = damper("bouc_wen").nominal[NAMES["spencer"].index("A")]
-    spencer: Floats = bouc_wen_from_normalised(theta, A=nominal if scale is None else scale)
-    return spencer
+    return np.asarray(bouc_wen_from_normalised(theta, A=nominal if scale is None else scale))

@@ -158,8 +158,7 @@ class Box:
     def points_inside(self, theta: AnyNumbers, coordinates: Coordinates) -> Floats:
         """Finite points, shape (..., n_free), of parameters (..., n_params) that are moved between their bounds."""
         theta = self.inside(theta) if coordinates == "latent" else np.clip(theta, self.lower, self.upper)
-        points: Floats = np.clip(self.points_from(theta, coordinates), *self.ends(coordinates))
-        return points
+        return np.asarray(np.clip(self.points_from(theta, coordinates), *self.ends(coordinates)))
 
     @checked
     def ends(self, coordinates: Coordinates) -> tuple[Floats, Floats]:

@@ -165,8 +165,7 @@ def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.Loadi
     """
     rows = _rows(spec, theta)
     if spec.own is not None:
-        shares: Floats = _own_batches().stiffness(spec, rows, history) / MOST_SUBSTEPS
-        return shares
+        return np.asarray(_own_batches().stiffness(spec, rows, history) / MOST_SUBSTEPS)
     with core_refusals():
         return _rust.stiffness_shares(spec.name, rows, history, *_laws(spec))
 
@@ -294,8 +293,7 @@ def simulate_force(
         spec, np.reshape(theta, (1, -1)), loading.history(), substep_factor=substep_factor
     )
     refuse_failure(spec.name, histories.outcome[0])
-    force: Floats = histories.force[0]
-    return force
+    return np.asarray(histories.force[0])
 
 
 def refuse_failure(what: str, outcome: int) -> None:

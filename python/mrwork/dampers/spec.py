@@ -6,7 +6,7 @@ import keyword
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from math import ceil, isfinite, log10
+from math import ceil, inf, log10
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -96,11 +96,7 @@ class DamperSpec(Summarised):
                 or entry.name == "eta"
             ):
                 return f"has a parameter {entry.name!r}; give letters, digits and underscores, and not eta"
-            if not (
-                isfinite(entry.lower)
-                and isfinite(entry.upper)
-                and entry.lower <= entry.nominal <= entry.upper
-            ):
+            if not -inf < entry.lower <= entry.nominal <= entry.upper < inf:
                 return (
                     f"has {entry.name} from {entry.lower:g} to {entry.upper:g}, nominally {entry.nominal:g}; give "
                     "finite numbers: a lower bound, a nominal value and an upper bound, in this order"
