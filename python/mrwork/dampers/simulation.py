@@ -31,11 +31,9 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, SettingError, SimulationError
-
-MOST_SUBSTEPS = 256
-"""Sub-steps per sample above which a candidate is not simulated."""
 
 
 class Outcome(IntEnum):
@@ -296,6 +294,7 @@ def simulate_force(
     return np.asarray(histories.force[0])
 
 
+@checked
 def refuse_failure(what: str, outcome: int) -> None:
     """Refuse a simulation that did not finish."""
     ended = Outcome(outcome)
@@ -303,6 +302,7 @@ def refuse_failure(what: str, outcome: int) -> None:
         raise SimulationError(f"{what} ended as {ended.name.lower()}: {ended.remedy}")
 
 
+@checked
 def refuse_other_unit(loading: Loading, spec: DamperSpec) -> None:
     """Refuse a loading without the command that the model follows."""
     if spec.command_unit is not None and loading.command_unit != spec.command_unit:

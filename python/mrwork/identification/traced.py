@@ -20,7 +20,8 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates
-from mrwork.dampers.simulation import MOST_SUBSTEPS, Loading
+from mrwork.dampers.parameters import MOST_SUBSTEPS
+from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective, loading_for, objective

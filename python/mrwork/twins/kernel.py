@@ -20,7 +20,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.extend.core import Primitive
 
 from mrwork import _rust
-from mrwork.dampers.simulation import MOST_SUBSTEPS
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError
 from mrwork.store.codec import package_version

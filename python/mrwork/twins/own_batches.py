@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.values import Floats
-from mrwork.dampers.simulation import MOST_SUBSTEPS
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec
 from mrwork.store.long_call import interruptible
 from mrwork.twins.models import on_processor, twin_of

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.simulation import MOST_SUBSTEPS, Outcome
+from mrwork.dampers.parameters import MOST_SUBSTEPS
+from mrwork.dampers.simulation import Outcome
 from mrwork.twins.loop import (
     STRETCH,
     Devices,
