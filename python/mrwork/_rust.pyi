@@ -1,8 +1,11 @@
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mrwork.buildings import PassiveElement
+from mrwork.closed_loop import Hardware
 
 __all__ = [
     "Building",
@@ -37,22 +40,6 @@ _Floats = NDArray[np.float64]
 
 __version__: str
 
-class _PassiveElement(Protocol):
-    @property
-    def row(self) -> _Floats: ...
-    @property
-    def stiffness(self) -> float: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def head_loss(self) -> float: ...
-    @property
-    def yield_force(self) -> float: ...
-    @property
-    def yield_displacement(self) -> float: ...
-    @property
-    def sharpness(self) -> float: ...
-
 @final
 class Building:
     def __new__(
@@ -67,7 +54,7 @@ class Building:
         heights: _Floats,
         storey_springs: _Floats,
         devices: _Floats,
-        elements: Sequence[_PassiveElement],
+        elements: Sequence[PassiveElement],
         varied: Sequence[tuple[_Floats, _Floats]] = ...,
     ) -> Building: ...
     @property
@@ -200,59 +187,11 @@ class Observer:
         direct_ground: _Floats | None = None,
     ) -> Observer: ...
 
-class _SampledFault(Protocol):
-    @property
-    def channel(self) -> str: ...
-    @property
-    def index(self) -> int: ...
-    @property
-    def start(self) -> int: ...
-    @property
-    def end(self) -> int: ...
-    @property
-    def value(self) -> float | None: ...
-
-class _Hardware(Protocol):
-    @property
-    def sample_time(self) -> float: ...
-    @property
-    def steps(self) -> int: ...
-    @property
-    def delay_steps(self) -> int: ...
-    @property
-    def command_rate(self) -> float: ...
-    @property
-    def ground_preview(self) -> float: ...
-    @property
-    def acceleration_noise(self) -> float: ...
-    @property
-    def acceleration_resolution(self) -> float: ...
-    @property
-    def deformation_noise(self) -> float: ...
-    @property
-    def deformation_resolution(self) -> float: ...
-    @property
-    def measured_storeys(self) -> Sequence[int]: ...
-    @property
-    def drift_noise(self) -> float: ...
-    @property
-    def drift_resolution(self) -> float: ...
-    @property
-    def force_noise(self) -> float: ...
-    @property
-    def force_resolution(self) -> float: ...
-    @property
-    def ground_acceleration_noise(self) -> float: ...
-    @property
-    def ground_acceleration_resolution(self) -> float: ...
-    @property
-    def sampled_faults(self) -> Sequence[_SampledFault]: ...
-
 def respond(
     building: Building,
     dampers: Sequence[Dampers],
     controller: Controller,
-    hardware: _Hardware,
+    hardware: Hardware,
     motions: Sequence[tuple[float, _Floats]],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],

@@ -12,9 +12,7 @@ DT = 1e-3
 TIME = DT * np.arange(1001)
 AMPLITUDE, OMEGA = 0.01, 2.0 * np.pi * 2.0
 HARMONIC = Loading(
-    dt=DT,
-    displacement=AMPLITUDE * np.sin(OMEGA * TIME),
-    velocity=AMPLITUDE * OMEGA * np.cos(OMEGA * TIME),
+    dt=DT, displacement=AMPLITUDE * np.sin(OMEGA * TIME), velocity=AMPLITUDE * OMEGA * np.cos(OMEGA * TIME)
 )
 # A second, slower wave, so that reversals occur at different strokes.
 VARIED = Loading(

@@ -10,11 +10,7 @@ from refusals import refusal
 from small_damper import SMALL
 
 import mrwork as mr
-from mrwork.dampers.design import (
-    DamperDesign,
-    plate_pressure,
-    twenty_ton_damper,
-)
+from mrwork.dampers.design import DamperDesign, plate_pressure, twenty_ton_damper
 
 LARGE = twenty_ton_damper()
 SMALL_DAMPER = DamperDesign(**SMALL)

@@ -147,16 +147,6 @@ def test_a_law_that_turns_negative_is_named_with_its_commands() -> None:
     assert found.in_words == "the law of k_w turns negative: -100 N at 0 A, taken as 0.001 N from 0 to 0.1 A"
 
 
-def test_the_value_that_is_used_is_that_of_the_simulation() -> None:
-    spec, theta = dahl("linear", -100.0, 1000.0)
-    (found,) = law_limits(spec, theta, (0.0, 1.0))
-    time = np.linspace(0.0, 1.0, 400)
-    motion = {"dt": time[1], "displacement": 0.01 * np.sin(6.0 * time), "velocity": 0.06 * np.cos(6.0 * time)}
-    lawful = simulate_force(spec, theta, Loading(**motion, command=found.command, command_unit="A"))
-    plain = simulate_force(mr.damper("dahl"), [found.used, *DAHL.values()], Loading(**motion))
-    np.testing.assert_array_equal(lawful, plain)
-
-
 @pytest.mark.parametrize(
     ("law", "coefficients", "commands", "words"),
     [

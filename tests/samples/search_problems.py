@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mrwork.search import OPTIMISERS, PEERS
+from mrwork.search import OPTIMISERS, PEERS, EfficientGA, StopRules
 
 
 def sphere(unit):
@@ -47,6 +47,11 @@ def all_failing(unit):
     return np.full(len(unit), np.inf)
 
 
+def only_capped(most):
+    """Settings whose only stop is the cap on generations, to look at the algorithm alone."""
+    return EfficientGA(stop=StopRules(min_generations=10**9, max_generations=most))
+
+
 def optimiser_named(name):
     """An optimiser of the registry; the test is skipped where its library is absent."""
     if name in OPTIMISERS:
@@ -82,3 +87,8 @@ def arrays_of(state):
         else:
             arrays[field.name] = np.asarray(value)
     return arrays
+
+
+def bits(state):
+    """All numbers of a state of our own, or of the course of any."""
+    return {name: (array.shape, array.tobytes()) for name, array in arrays_of(state).items()}

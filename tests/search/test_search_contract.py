@@ -11,7 +11,7 @@ import pytest
 from refusals import refusal
 from search_problems import (
     all_failing,
-    arrays_of,
+    bits,
     generations_of,
     half_failing,
     optimiser_named,
@@ -36,11 +36,6 @@ def own(request):
 def optimiser(request):
     """Every optimiser in turn, those of other libraries included."""
     return optimiser_named(request.param)
-
-
-def bits(state):
-    """All numbers of a state of our own, or of the course of any."""
-    return {name: (array.shape, array.tobytes()) for name, array in arrays_of(state).items()}
 
 
 # Randomness

@@ -15,21 +15,16 @@ from search_problems import (
     flat,
     generations_of,
     half_failing,
+    only_capped,
     ripples,
     rosenbrock,
     sphere,
     states,
 )
 
-from mrwork.search import DifferentialEvolution, EfficientGA, ParticleSwarm, StandardGA, StopRules, run_search
+from mrwork.search import DifferentialEvolution, EfficientGA, ParticleSwarm, StandardGA, run_search
 from mrwork.search.evolution import _crossover, _fitness, _roulette
 from mrwork.search.particle_swarm import CONSTRICTION
-
-
-def only_capped(most):
-    """Settings whose only stop is the cap on generations, to look at the algorithm alone."""
-    return EfficientGA(stop=StopRules(min_generations=10**9, max_generations=most))
-
 
 # The efficient algorithm
 

@@ -27,7 +27,9 @@ from mrwork.twins.kernel import Kernel, _linearise
 from mrwork.twins.record_arrays import RecordArrays
 record = RecordArrays.of(motion.history())
 # The pool of two threads is first started by a thread of XLA.
-force, jacobian = _linearise(Kernel.of(spec, threads=2), jax.numpy.asarray(theta), record)
+force, jacobian = _linearise(
+    Kernel(spec=spec, columns=(*range(len(spec.names)),), threads=2), jax.numpy.asarray(theta), record
+)
 after, alone = core(2), core(1)
 subnormal = np.frombuffer(alone[1])
 assert (np.abs(subnormal[subnormal != 0.0]) < np.finfo(float).tiny).any()

@@ -135,8 +135,6 @@ def test_it_is_a_value() -> None:
     for line in ("GAIN = 2.0", "TABLE = numpy.array([1.0, 2.0]"):
         assert line in first.own.source
     assert first != mr.own_damper("mine", parameters=C, force=force)
-    assert first.odd
-    assert not own_dampers.guo.odd
     assert [each.scale for each in own_dampers.guo.parameters if each.name == "f0"] == ["offset"]
     laws = own_dampers.loop.with_current_laws({"k_w": "quadratic"}, lagged=True)
     assert laws.without_laws == own_dampers.loop

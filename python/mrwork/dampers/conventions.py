@@ -11,17 +11,12 @@ import numpy as np
 
 from mrwork.base.arguments import Positive, Shape, checked
 from mrwork.base.hints import InUnit, Within
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.dampers.conversions import (
-    bouc_wen_from_normalised,
-    check_columns,
-    normalised_from_bouc_wen,
-    rescaled_bouc_wen,
-)
+from mrwork.dampers.conversions import bouc_wen_from_normalised, normalised_from_bouc_wen, rescaled_bouc_wen
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 
@@ -141,8 +136,7 @@ def opensees_from_bouc_wen(
     SettingError
         If no such material exists; the message gives the reason.
     """
-    check_columns(theta, 8)
-    if theta[6] <= 0.0:
+    if len(theta) == 8 and theta[6] <= 0.0:
         raise SettingError(f"A is {theta[6]:g}; the loop has a stiffness only where A is positive")
     c0, k0, x0, alpha, gamma, beta, _, n = map(float, rescaled_bouc_wen(theta, Ao))
     if k0 * x0 != 0.0:
@@ -322,9 +316,8 @@ def convert(
 def _complete(convention: Convention, values: Mapping[str, float]) -> dict[str, float]:
     names = NAMES[convention]
     for name in values:
-        if name not in names:
-            near = suggestion(name, names, otherwise="it has")
-            raise SettingError(f"{convention} has no parameter {name!r}{near}")
+        sentence = f"{convention} has no parameter {name!r}"
+        check_known(name, names, sentence, otherwise="it has", kind=SettingError)
     missing = [name for name in names if name not in values and name not in _OPTIONAL]
     if missing:
         raise SettingError(f"{convention} also needs {', '.join(missing)}; give each as NAME=VALUE")
@@ -343,5 +336,4 @@ def _spencer(convention: Convention, values: dict[str, float], scale: float | No
         if values[name] <= 0.0:
             raise SettingError(f"{name} is {values[name]:g}; it must be positive for the loop to dissipate")
     nominal = damper("bouc_wen").nominal[NAMES["spencer"].index("A")]
-    spencer: Floats = bouc_wen_from_normalised(theta, A=nominal if scale is None else scale)
-    return spencer
+    return np.asarray(bouc_wen_from_normalised(theta, A=nominal if scale is None else scale))

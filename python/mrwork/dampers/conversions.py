@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from mrwork.base.arguments import AnyArray, checked
 from mrwork.base.values import Floats
+from mrwork.dampers.laws import Array
 from mrwork.errors import SettingError
-
-# NumPy or JAX.
-Array = Any
 
 # A number that is not finite is refused in a sentence.
 _QUIET = np.errstate(divide="ignore", invalid="ignore", over="ignore")
@@ -49,45 +47,39 @@ class Conversion:
         return Conversion(lambda theta: self.convert(theta, A))
 
 
-def check_columns(theta: Array, count: int) -> None:
-    """Refuse parameters that are not as many."""
+def _columns(theta: Array, count: int) -> list[Array]:
+    """The parameters one by one; parameters that are not as many are refused."""
     if theta.ndim < 1 or theta.shape[-1] != count:
         raise SettingError(
             f"`theta` has shape {theta.shape}; give shape (..., {count}), one value a parameter"
         )
+    return [theta[..., index] for index in range(count)]
 
 
-def _refuse_infinite(theta: Array) -> Array:
-    """Converted parameters; those that JAX traces have no values yet."""
-    if isinstance(theta, np.ndarray) and not np.isfinite(theta).all():
+def _joined(theta: Array, *columns: Array) -> Array:
+    """Converted parameters on the last axis; those that JAX traces have no values yet."""
+    converted = theta.__array_namespace__().stack(columns, axis=-1)
+    if isinstance(converted, np.ndarray) and not np.isfinite(converted).all():
         raise SettingError(
             "the parameters have no equivalent in this form: a number would not be finite; give a positive A, rho and "
             "sum of gamma and beta, closer to nominal values"
         )
-    return theta
+    return converted
 
 
 @_QUIET
 def _normalised_from_bouc_wen(theta: Array) -> Array:
-    check_columns(theta, 8)
-    xp = theta.__array_namespace__()
-    c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
+    c0, k0, x0, alpha, gamma, beta, A, n = _columns(theta, 8)
     z_max = (A / (beta + gamma)) ** (1.0 / n)
-    return _refuse_infinite(
-        xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1)
-    )
+    return _joined(theta, c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n)
 
 
 @_QUIET
 def _bouc_wen_from_normalised(theta: Array, A: float) -> Array:
-    check_columns(theta, 7)
-    xp = theta.__array_namespace__()
-    c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
+    c, k, x0, k_w, rho, sigma, n = _columns(theta, 7)
     z_max = A / rho
     sum_ = A / z_max**n
-    return _refuse_infinite(
-        xp.stack([c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1)
-    )
+    return _joined(theta, c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, 0.0 * n + A, n)
 
 
 @checked
@@ -116,25 +108,18 @@ BOUC_WEN_FROM_NORMALISED: Final = Conversion(_bouc_wen_from_normalised)
 @_QUIET
 def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     """Rescale a `bouc_wen`, shape (..., 8), to another `A`: z is multiplied by s = A_new/A, the force is the same."""
-    check_columns(theta, 8)
-    xp = theta.__array_namespace__()
-    c0, k0, x0, alpha, gamma, beta, old, n = (theta[..., index] for index in range(8))
+    c0, k0, x0, alpha, gamma, beta, old, n = _columns(theta, 8)
     s = A / old
     power = s ** (1.0 - n)
-    return _refuse_infinite(
-        xp.stack([c0, k0, x0, alpha / s, power * gamma, power * beta, xp.full(n.shape, A), n], axis=-1)
-    )
+    return _joined(theta, c0, k0, x0, alpha / s, power * gamma, power * beta, 0.0 * n + A, n)
 
 
 def of_modified(plain: Conversion) -> Conversion:
     """The conversion for modified Bouc-Wen models: c0, k0, c1, k1 and x0 stay, the loop is converted."""
 
-    def without_series(theta: Array) -> Array:
-        """Parameters that a modified Bouc-Wen model shares with the plain one: c0, k0, x0 and the loop."""
-        return theta.__array_namespace__().concat([theta[..., :2], theta[..., 4:]], axis=-1)
-
     def convert(theta: Array, *scale: float) -> Array:
-        loop = plain.convert(without_series(theta), *scale)
-        return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)
+        xp = theta.__array_namespace__()
+        loop = plain.convert(xp.concat([theta[..., :2], theta[..., 4:]], axis=-1), *scale)
+        return xp.concat([theta[..., :5], loop[..., 3:]], axis=-1)
 
     return Conversion(convert)

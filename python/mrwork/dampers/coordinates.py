@@ -6,7 +6,7 @@ that they accept NumPy and JAX arrays; the last axis is the parameter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from math import isfinite
@@ -16,15 +16,15 @@ import numpy as np
 
 from mrwork.base.arguments import AnyArray, AnyNumbers, checked
 from mrwork.base.keys import check_known
+from mrwork.base.numbers import format_rounded
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
+from mrwork.dampers.laws import Array
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 Coordinates = Literal["theta", "unit", "latent"]
 """How a point gives the free parameters: their values, their shares of the range, or the logits of these."""
-
-# NumPy or JAX array; no annotation covers both without importing JAX.
-Array = Any
 
 # A parameter closer to a bound than this share of its range is on the bound.
 ON_BOUND = 1e-4
@@ -119,16 +119,15 @@ class Box:
         spread = start + span * unit
         value = xp.where(log, xp.exp(xp.where(log, spread, 0.0)), spread)
         # exp(log(...)) may leave the box by rounding.
-        within = xp.clip(
-            value,
-            *(xp.asarray(bounds)[np.array(self.free, dtype=int)] for bounds in (self.lower, self.upper)),
-        )
+        within = xp.clip(value, *(self._free_of(xp.asarray(bounds)) for bounds in (self.lower, self.upper)))
         if not isinstance(value, np.ndarray):
             # The limit takes no derivatives away on a face. Imported by name, because JAX is seldom needed.
             lax: Any = import_module("jax.lax")
             within = value + lax.stop_gradient(within - value)
-        value = within
-        return self._with_held(value)
+        return self._with_held(within)
+
+    def _free_of(self, theta: Array) -> Array:
+        return theta[..., np.array(self.free, dtype=int)]
 
     def _with_held(self, value: Array) -> Array:
         """All parameters, shape (..., n_params), from the free ones, shape (..., n_free)."""
@@ -143,35 +142,29 @@ class Box:
     @checked
     def theta_from(self, points: AnyArray, coordinates: Coordinates) -> Array:
         """Physical parameters, shape (..., n_params), from points in these coordinates, shape (..., n_free)."""
-        if coordinates == "unit":
-            return self.theta_from_unit(points)
-        if coordinates == "latent":
-            return self.theta_from_latent(points)
-        self._check("theta", points, len(self.free))
-        return self._with_held(points)
+        if coordinates == "theta":
+            self._check("theta", points, len(self.free))
+            return self._with_held(points)
+        return self.theta_from_unit(points) if coordinates == "unit" else self.theta_from_latent(points)
 
     @checked
     def points_from(self, theta: AnyArray, coordinates: Coordinates) -> Array:
         """Points in these coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
         if coordinates == "theta":
-            return theta[..., np.array(self.free, dtype=int)]
-        unit = self.unit_from_theta(theta)
-        return unit if coordinates == "unit" else self.latent_from_unit(unit)
+            return self._free_of(theta)
+        return self.unit_from_theta(theta) if coordinates == "unit" else self.latent_from_theta(theta)
 
     @checked
     def points_inside(self, theta: AnyNumbers, coordinates: Coordinates) -> Floats:
         """Finite points, shape (..., n_free), of parameters (..., n_params) that are moved between their bounds."""
         theta = self.inside(theta) if coordinates == "latent" else np.clip(theta, self.lower, self.upper)
-        points: Floats = np.clip(self.points_from(theta, coordinates), *self.ends(coordinates))
-        return points
+        return np.asarray(np.clip(self.points_from(theta, coordinates), *self.ends(coordinates)))
 
     @checked
     def ends(self, coordinates: Coordinates) -> tuple[Floats, Floats]:
         """Lower and upper bound of every coordinate, each of shape (n_free,)."""
-        return (
-            np.asarray(self.points_from(np.array(self.lower), coordinates)),
-            np.asarray(self.points_from(np.array(self.upper), coordinates)),
-        )
+        lower, upper = (self.points_from(np.array(ends), coordinates) for ends in (self.lower, self.upper))
+        return lower, upper
 
     @checked
     def slope_from(self, theta: AnyArray, coordinates: Coordinates) -> Array:
@@ -188,7 +181,7 @@ class Box:
         self._check("theta", theta, len(self.names))
         xp = theta.__array_namespace__()
         _, span, log = self._spread(xp)
-        return span * xp.where(log, theta[..., np.array(self.free, dtype=int)], 1.0)
+        return span * xp.where(log, self._free_of(theta), 1.0)
 
     @checked
     def unit_from_theta(self, theta: AnyArray) -> Array:
@@ -196,7 +189,7 @@ class Box:
         self._check("theta", theta, len(self.names))
         xp = theta.__array_namespace__()
         start, span, log = self._spread(xp)
-        value = theta[..., np.array(self.free, dtype=int)]
+        value = self._free_of(theta)
         positive = xp.where(log, value, 1.0)
         if isinstance(theta, np.ndarray) and not (positive > 0.0).all():
             wrong = np.argwhere(~(positive > 0.0))[0]
@@ -208,27 +201,18 @@ class Box:
         return (spread - start) / span
 
     @checked
-    def latent_from_unit(self, unit: AnyArray) -> Array:
-        """Logit of the unit coordinates; infinite on the faces of the box, NaN outside of it."""
-        xp = unit.__array_namespace__()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return xp.log(unit) - xp.log1p(-unit)
-
-    @checked
-    def unit_from_latent(self, latent: AnyArray) -> Array:
-        """Logistic function of the latent coordinates."""
-        xp = latent.__array_namespace__()
-        return 0.5 * (1.0 + xp.tanh(0.5 * latent))
-
-    @checked
     def theta_from_latent(self, latent: AnyArray) -> Array:
         """Physical parameters, shape (..., n_params), from latent coordinates, shape (..., n_free)."""
-        return self.theta_from_unit(self.unit_from_latent(latent))
+        xp = latent.__array_namespace__()
+        return self.theta_from_unit(0.5 * (1.0 + xp.tanh(0.5 * latent)))
 
     @checked
     def latent_from_theta(self, theta: AnyArray) -> Array:
-        """Latent coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
-        return self.latent_from_unit(self.unit_from_theta(theta))
+        """Logits of the unit coordinates, (..., n_free), of parameters, (..., n_params); infinite on faces."""
+        unit = self.unit_from_theta(theta)
+        xp = unit.__array_namespace__()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return xp.log(unit) - xp.log1p(-unit)
 
     @checked
     def inside(self, theta: AnyArray) -> Array:
@@ -243,7 +227,7 @@ class Box:
         """Logarithm of d theta / d latent of each free parameter, shape (..., n_free)."""
         xp = latent.__array_namespace__()
         _, span, log = self._spread(xp)
-        theta = self.theta_from_latent(latent)[..., np.array(self.free, dtype=int)]
+        theta = self._free_of(self.theta_from_latent(latent))
         # d unit / d latent = unit (1 - unit), written so that neither factor underflows.
         logistic = -xp.abs(latent) - 2.0 * xp.log1p(xp.exp(-xp.abs(latent)))
         return logistic + xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
@@ -256,3 +240,32 @@ def bound_at(box: Box, index: int, value: float) -> Literal["", "lower", "upper"
         lower, upper, value = np.log(lower), np.log(upper), np.log(value)
     unit = (value - lower) / (upper - lower)
     return "lower" if unit < ON_BOUND else "upper" if unit > 1.0 - ON_BOUND else ""
+
+
+class OfPoints:
+    """What a result has that is a function of points that give the free parameters of a box in some coordinates."""
+
+    __slots__ = ()
+    box: Box
+    coordinates: Coordinates
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return self.box.free_names
+
+    @property
+    def lower(self) -> Floats:
+        """Lower bound of every coordinate, shape (n_free,)."""
+        return self.box.ends(self.coordinates)[0]
+
+    @property
+    def upper(self) -> Floats:
+        """Upper bound of every coordinate, shape (n_free,)."""
+        return self.box.ends(self.coordinates)[1]
+
+    def _table(self, units: Sequence[str], start: Sequence[float]) -> Table:
+        """Each free parameter with its coordinate at the start, between its bounds."""
+        numbers = (start, self.lower.tolist(), self.upper.tolist())
+        rows = zip(self.names, *(map(format_rounded, column) for column in numbers), units, strict=True)
+        return Table(columns=("parameter", "start", "lower", "upper", "unit"), rows=[*rows])

@@ -314,12 +314,9 @@ def laws_in_order(
             name, names, f"{model} has no parameter {name!r} to follow the command", otherwise="it has"
         )
     found = tuple(law_of(laws.get(name, CONSTANT)) for name in names)
-    for parameter, law in zip(plain, found, strict=True):
+    for name, parameter, law in zip(names, plain, found, strict=True):
         if law.has_logarithms and not parameter.is_positive:
-            name, other = (
-                parameter.name,
-                replace(law, form="straight" if law.form in _STRAIGHT else "polynomial"),
-            )
+            other = replace(law, form="straight" if law.form in _STRAIGHT else "polynomial")
             raise SettingError(
                 f"{name}={law} takes logarithms, and {name} may be negative; give {name}={other}"
             )

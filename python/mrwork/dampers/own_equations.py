@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache, partial
 from typing import Any
 
@@ -67,7 +67,7 @@ class OwnEquations:
             If it is not trusted.
         """
         if not self.is_trusted:
-            namesake = [equations for equations in _TRUSTED.values() if equations.force == self.force]
+            namesake = any(equations.force == self.force for equations in _TRUSTED.values())
             changed = (
                 "; those of that name that run here are others: they were changed since" if namesake else ""
             )
@@ -80,13 +80,11 @@ class OwnEquations:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What a process that is trusted sends to another is trusted there: a pickle runs code as it is."""
-        return _received, (self.source, self.force, self.rate, self.relaxation, self.is_trusted)
+        return _received, (asdict(self), self.is_trusted)
 
 
-def _received(
-    source: str, force: str, rate: str | None, relaxation: str | None, trusted: bool
-) -> OwnEquations:
-    equations = OwnEquations(source=source, force=force, rate=rate, relaxation=relaxation)
+def _received(fields: dict[str, Any], trusted: bool) -> OwnEquations:
+    equations = OwnEquations(**fields)
     if trusted:
         equations.trust()
     return equations
@@ -97,7 +95,4 @@ def _run(equations: OwnEquations) -> OwnFunctions:
     names = vars(run_text(equations.source, f"<equations of {equations.force}>"))
     # What is printed while they are traced does not belong to the output of a command.
     names["print"] = partial(print, file=sys.stderr)
-    rate, relaxation = (
-        None if name is None else names[name] for name in (equations.rate, equations.relaxation)
-    )
-    return names[equations.force], rate, relaxation
+    return names[equations.force], names.get(equations.rate or ""), names.get(equations.relaxation or "")

@@ -1,4 +1,4 @@
-"""Parameters of damper models."""
+"""Parameters of damper models, and the finest step at which these are simulated."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 Scale = Literal["linear", "log", "offset"]
+
+MOST_SUBSTEPS = 256
+"""Sub-steps per sample above which a candidate is not simulated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,11 +31,9 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, SettingError, SimulationError
-
-MOST_SUBSTEPS = 256
-"""Sub-steps per sample above which a candidate is not simulated."""
 
 
 class Outcome(IntEnum):
@@ -165,8 +163,7 @@ def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.Loadi
     """
     rows = _rows(spec, theta)
     if spec.own is not None:
-        shares: Floats = _own_batches().stiffness(spec, rows, history, most=MOST_SUBSTEPS) / MOST_SUBSTEPS
-        return shares
+        return np.asarray(_own_batches().stiffness(spec, rows, history) / MOST_SUBSTEPS)
     with core_refusals():
         return _rust.stiffness_shares(spec.name, rows, history, *_laws(spec))
 
@@ -194,13 +191,7 @@ def simulate_misfits(
         return Misfits(squared_error=squared_error, outcome=run.outcome, substeps=run.substeps, steps=steps)
     with core_refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
-            spec.name,
-            _rows(spec, theta),
-            history,
-            force,
-            first,
-            *_laws(spec),
-            threads=threads,
+            spec.name, _rows(spec, theta), history, force, first, *_laws(spec), threads=threads
         )
     return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 
@@ -220,7 +211,7 @@ def simulate_forces(
     """
     rows = _rows(spec, theta)
     if spec.own is not None:
-        force, substeps = _own_batches().forces(spec, rows, history, substep_factor, most=MOST_SUBSTEPS)
+        force, substeps = _own_batches().forces(spec, rows, history, substep_factor)
         outcome = _outcome_of(force, substeps)
     else:
         with core_refusals():
@@ -258,9 +249,7 @@ def simulate_sensitivities(
     rows = _rows(spec, theta)
     wanted = None if columns is None else [int(column) for column in columns]
     if spec.own is not None:
-        force, jacobian, substeps = _own_batches().sensitivities(
-            spec, rows, history, wanted, 1, most=MOST_SUBSTEPS
-        )
+        force, jacobian, substeps = _own_batches().sensitivities(spec, rows, history, wanted)
         outcome = _outcome_of(force, substeps)
     else:
         with core_refusals():
@@ -302,8 +291,7 @@ def simulate_force(
         spec, np.reshape(theta, (1, -1)), loading.history(), substep_factor=substep_factor
     )
     refuse_failure(spec.name, histories.outcome[0])
-    force: Floats = histories.force[0]
-    return force
+    return np.asarray(histories.force[0])
 
 
 @checked

@@ -6,7 +6,7 @@ import keyword
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from math import ceil, isfinite, log10
+from math import ceil, inf, log10
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, in_newtons, of_unit
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order
@@ -33,6 +33,13 @@ DEFAULT_MODELS = ("normalised_bouc_wen", "hyperbolic_tangent_guo", "viscous_dahl
 """The model where none is named, the first, and with it others that differ in kind, where nothing can be screened."""
 
 _Value = float | tuple[float, ...]
+
+_PARAMETERS = (
+    Column("name", "parameter"),
+    *(Column(key, key, shown=format_rounded) for key in ("nominal", "lower", "upper")),
+    *(Column(key, key) for key in ("scale", "unit")),
+    Column("description", "meaning"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -49,7 +56,9 @@ class DamperSpec(Summarised):
     of the plain model. A lagged driver has `u' = -eta (u - command)`.
 
     `spring` names the stiffness k and the free length x0 of the accumulator; its force k (x - x0) depends on x0 through
-    the product k x0 alone. `own` are the equations of a damper of the user, see `mrwork.own_damper`.
+    the product k x0 alone. `odd` says whether the opposite motion gives the opposite force, `relaxes` whether states
+    move at rest, `None` where nobody claims it. `own` are the equations of a damper of the user, see
+    `mrwork.own_damper`.
     """
 
     _made_by: ClassVar[str] = "mr.damper(name)"
@@ -61,8 +70,8 @@ class DamperSpec(Summarised):
     source: str
     nominal_source: str
     n_states: int
-    odd: bool
-    relaxes: bool
+    odd: bool | None = None
+    relaxes: bool | None = None
     spring: tuple[str, str] | None
     parameters: tuple[ParamSpec, ...]
     plain: tuple[ParamSpec, ...]
@@ -87,11 +96,7 @@ class DamperSpec(Summarised):
                 or entry.name == "eta"
             ):
                 return f"has a parameter {entry.name!r}; give letters, digits and underscores, and not eta"
-            if not (
-                isfinite(entry.lower)
-                and isfinite(entry.upper)
-                and entry.lower <= entry.nominal <= entry.upper
-            ):
+            if not -inf < entry.lower <= entry.nominal <= entry.upper < inf:
                 return (
                     f"has {entry.name} from {entry.lower:g} to {entry.upper:g}, nominally {entry.nominal:g}; give "
                     "finite numbers: a lower bound, a nominal value and an upper bound, in this order"
@@ -221,15 +226,6 @@ class DamperSpec(Summarised):
         return presets[name]
 
     def _summary(self) -> Summary:
-        rows = [
-            (
-                parameter.name,
-                *map(format_rounded, (parameter.nominal, parameter.lower, parameter.upper)),
-                *(parameter.scale, parameter.unit, parameter.description),
-            )
-            for parameter in self.parameters
-        ]
-        columns = ("parameter", "nominal", "lower", "upper", "scale", "unit", "meaning")
         return Summary(
             title=f"Damper model {self.name}: {self.title}",
             facts=(
@@ -238,7 +234,7 @@ class DamperSpec(Summarised):
                 ("source", self.source),
                 ("nominal", self.nominal_source),
             ),
-            tables=[Table(columns=columns, rows=rows)],
+            tables=[Table.of(_PARAMETERS, self.parameters)],
         )
 
 

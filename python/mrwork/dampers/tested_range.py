@@ -22,14 +22,6 @@ from mrwork.dampers.spec import LAW_BEYOND, DamperSpec, LawLimit, law_limits
 OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
 _ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
 
-# Quantities with an upper limit only.
-_PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
-    ("stroke", "m"),
-    ("velocity", "m/s"),
-    ("force", "N"),
-    ("power", "W"),
-)
-
 # Demand beyond a tested range by less than this share is within it: rigs repeat a motion to a few per cent.
 _TOLERANCE = 0.05
 # A gap between tested commands is wide if it is this share of their range and this factor wider than any other; or, if
@@ -40,13 +32,13 @@ _CYCLE_TOLERANCE = 0.1
 # Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
 _SMALL = 0.2
 
-# Displayed unit of each quantity, its factor from SI, and the unit of large numbers, from 1000 on.
-_DISPLAYED: dict[str, tuple[str, float, str]] = {
-    "stroke": ("mm", 1e3, "m"),
-    "velocity": ("mm/s", 1e3, "m/s"),
-    "frequency": ("Hz", 1.0, "kHz"),
-    "force": ("N", 1.0, "kN"),
-    "power": ("W", 1.0, "kW"),
+# Of each quantity its unit, the displayed one, the factor between them, and the unit of large numbers, from 1000 on.
+_UNITS: dict[OperatingQuantity, tuple[str, str, float, str]] = {
+    "stroke": ("m", "mm", 1e3, "m"),
+    "velocity": ("m/s", "mm/s", 1e3, "m/s"),
+    "force": ("N", "N", 1.0, "kN"),
+    "power": ("W", "W", 1.0, "kW"),
+    "frequency": ("Hz", "Hz", 1.0, "kHz"),
 }
 _NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
 _OUTSIDE = RemarkKind("outside_tested_range", "{demand}{where}", "test there before you rely on it")
@@ -173,7 +165,8 @@ class OperatingRange(Summarised):
         """
         exceedances = [
             _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
-            for quantity, unit in _PEAKS
+            for quantity, (unit, *_) in _UNITS.items()
+            if quantity != "frequency"
         ]
         if self.least_stroke is not None and (least := demand.least_stroke) is not None:
             tested = self.least_stroke, max(self.stroke, least)
@@ -289,13 +282,9 @@ def outside_of(
 ) -> Outside:
     """Compare a demand with the tested ranges of a damper, and evaluate its laws at the demanded commands."""
     exceedances = () if tested is None else tested.exceeded_by(demand)
+    laws = {"command": spec.following}
     return Outside(
-        exceedances=tuple(
-            replace(exceedance, extrapolated=spec.following)
-            if exceedance.quantity == "command"
-            else exceedance
-            for exceedance in exceedances
-        ),
+        exceedances=tuple(replace(each, extrapolated=laws.get(each.quantity, ())) for each in exceedances),
         laws=() if demand.command is None else law_limits(spec, theta, demand.command),
         known=tested is not None,
     )
@@ -418,9 +407,9 @@ def _is_single(lowest: float, highest: float) -> bool:
     return highest - lowest <= 0.5 * _TOLERANCE * highest
 
 
-def _format_values(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
+def _format_values(quantity: OperatingQuantity, values: Sequence[float], unit: str) -> tuple[list[str], str]:
     """Values with three significant digits, and their common displayed unit."""
-    small, factor, large = _DISPLAYED.get(quantity, (unit, 1.0, unit))
+    _, small, factor, large = _UNITS.get(quantity, (unit, unit, 1.0, unit))
     if max(factor * value for value in values) >= 1000.0:
         factor, small = 1e-3 * factor if large != small else factor, large
     return [f"{factor * value:.3g}" for value in values], small

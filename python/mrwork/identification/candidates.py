@@ -16,11 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import AnyArrayLike, Positive, Samples, Shape, Threads, checked
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
-from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import Box, Coordinates
+from mrwork.dampers.coordinates import Box, Coordinates, OfPoints
 from mrwork.dampers.simulation import (
     Loading,
     refuse_failure,
@@ -188,7 +186,7 @@ def sensitivities(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class CandidateObjective(Summarised):
+class CandidateObjective(OfPoints, Summarised):
     """The objective of an identification as a function of the free parameters, for any optimiser.
 
     A point has shape (n_free,), many have (n_batch, n_free): values of `names` in `units`, or, with the coordinates
@@ -203,24 +201,9 @@ class CandidateObjective(Summarised):
     coordinates: Coordinates = "theta"
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters."""
-        return self.box.free_names
-
-    @property
     def units(self) -> tuple[str, ...]:
         """Units of the free parameters."""
         return tuple(self.objective.spec.parameters[index].unit for index in self.box.free)
-
-    @property
-    def lower(self) -> Floats:
-        """Lower bound of every coordinate, shape (n_free,)."""
-        return self.box.ends(self.coordinates)[0]
-
-    @property
-    def upper(self) -> Floats:
-        """Upper bound of every coordinate, shape (n_free,)."""
-        return self.box.ends(self.coordinates)[1]
 
     @property
     def bounds(self) -> tuple[tuple[float, float], ...]:
@@ -282,14 +265,10 @@ class CandidateObjective(Summarised):
 
     def _summary(self) -> Summary:
         spec = self.objective.spec
-        rows = [
-            (name, *(format_rounded(bound) for bound in bounds), unit)
-            for name, bounds, unit in zip(self.names, self.bounds, self.units, strict=True)
-        ]
         return Summary(
             title=f"Objective of {spec.name} on {list_names([test.label for test in self.objective.tests])}",
             facts=(("coordinates", self.coordinates), ("samples", str(self.objective.n_time))),
-            tables=[Table(columns=("parameter", "lower", "upper", "unit"), rows=rows)],
+            tables=[self._table(self.units, self.start.tolist())],
         )
 
 

@@ -20,8 +20,8 @@ from mrwork.base.hints import SMALLEST
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.simulation import (
-    MOST_SUBSTEPS,
     Outcome,
     refuse_failure,
     simulate_forces,

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.dampers.simulation import MOST_SUBSTEPS, stiffness_shares
+from mrwork.dampers.parameters import MOST_SUBSTEPS
+from mrwork.dampers.simulation import stiffness_shares
 from mrwork.dampers.spec import LAW_BEYOND, LAW_LEAVES_RANGE, DamperSpec, hidden_extrema, law_limits
 from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance

@@ -20,7 +20,8 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates
-from mrwork.dampers.simulation import MOST_SUBSTEPS, Loading
+from mrwork.dampers.parameters import MOST_SUBSTEPS
+from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective, loading_for, objective
@@ -30,7 +31,7 @@ from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
 from mrwork.records.observation import AS_IT_IS, Effect, observe_by
 from mrwork.twins.kernel import Kernel
-from mrwork.twins.models import on_processor
+from mrwork.twins.models import on_processor, root
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.traced_function import TracedFunction
 
@@ -65,7 +66,7 @@ class Residuals:
 
     @classmethod
     def of(
-        cls, objective: Objective, *, columns: Sequence[int], substeps: int | None, threads: int
+        cls, objective: Objective, *, columns: Sequence[int], substeps: int = 0, threads: int = 1
     ) -> Residuals:
         """The form of an objective; it is differentiated with respect to these columns of `theta`, and those tied."""
         first = objective.compared[0]
@@ -79,8 +80,8 @@ class Residuals:
             # Refuse here what cannot be observed.
             test.observation.observe(np.zeros(2), test.dt, np.zeros(2))
         return cls(
-            kernel=Kernel.of(
-                objective.spec, columns=sorted({*columns, *tied}), substeps=substeps, threads=threads
+            kernel=Kernel(
+                spec=objective.spec, columns=(*sorted({*columns, *tied}),), substeps=substeps, threads=threads
             ),
             # Without an observation model another step needs no other compilation.
             observed=tuple(
@@ -132,13 +133,7 @@ class Misfit:
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
         """The root mean square of the NRMSE; infinite where a simulation failed."""
         residuals, failed = self.residuals.normalised(theta, tests)
-        return jnp.where(failed, jnp.inf, _root(jnp.sum(residuals**2)))
-
-
-def _root(value: Array) -> Array:
-    """The square root, with a derivative of zero at zero."""
-    positive = value > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
+        return jnp.where(failed, jnp.inf, root(jnp.sum(residuals**2)))
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -219,7 +214,7 @@ def force(
     spec = damper(model) if isinstance(model, str) else model
     return TracedFunction.of(
         f"Force of {spec.name}",
-        Kernel.of(spec, substeps=_substeps(substeps), threads=threads),
+        Kernel(spec=spec, columns=(*range(len(spec.names)),), substeps=_substeps(substeps), threads=threads),
         box=Box.of(spec),
         units=tuple(parameter.unit for parameter in spec.parameters),
         coordinates=coordinates,
@@ -333,16 +328,13 @@ def function_of(
     )
 
 
-def _substeps(wanted: int | None) -> int | None:
-    if wanted is not None and wanted not in _POWERS:
+def _substeps(wanted: int | None) -> int:
+    if wanted is not None and not (0 < wanted <= MOST_SUBSTEPS and wanted.bit_count() == 1):
         raise SettingError(
             f"`substeps` is {wanted}; give a power of two from 1 to {MOST_SUBSTEPS}, or leave it out for those of the "
             "stepping rule"
         )
-    return wanted
-
-
-_POWERS = [2**power for power in range(MOST_SUBSTEPS.bit_length())]
+    return wanted or 0
 
 
 def _filtered(

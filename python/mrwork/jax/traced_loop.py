@@ -112,7 +112,6 @@ class Loop(Summarised):
         n_samples = len(self.time) - 1
         n_kept = power_of_two(n_samples, STRETCH)
         delay = hardware.delay_steps * (steps // hardware.steps)
-        dead_zone, slope = self.shaping
         with on_processor():
             ground = stage_values(
                 inputs.acceleration, self.dt, hardware.sample_time / steps, n_samples * steps
@@ -122,14 +121,15 @@ class Loop(Summarised):
                 sent = jnp.asarray(commands)[:n_samples]
                 commands = jnp.pad(sent, ((0, n_kept - len(sent)), (0, 0)), mode="edge")
             result = _simulate(
-                inputs._replace(acceleration=None, commands=None),
-                jnp.pad(ground.ravel(), (0, 3 * steps * (n_kept - n_samples))),
-                commands,
+                inputs._replace(
+                    acceleration=jnp.pad(ground.ravel(), (0, 3 * steps * (n_kept - n_samples))),
+                    commands=commands,
+                ),
                 {name: self.matrices[name] for name in MATRICES[3:]},
                 self.devices,
                 self.believed,
                 self.largest,
-                (dead_zone, min(slope, hardware.command_rate) * hardware.sample_time),
+                self.shaping,
                 hardware.sample_time,
                 n_samples,
                 law=self.law,
@@ -167,8 +167,6 @@ class Loop(Summarised):
 @partial(jax.jit, static_argnames=("law", "steps", "n_kept", "delay", "histories"))
 def _simulate(
     inputs: LoopInputs,
-    ground: Array,
-    commands: Array | None,
     matrices: dict[str, Array],
     devices: Devices,
     believed: Devices | None,
@@ -183,22 +181,23 @@ def _simulate(
     delay: int,
     histories: bool,
 ) -> LoopResult:
+    """Simulate with the ground of all steps, and padded commands, in place of the inputs of these names."""
     plant = {"mass": inputs.mass, "damping": inputs.damping, "stiffness": inputs.stiffness}
     run = LoopRun(
         plant=LoopPlant.of(plant | matrices),
         devices=with_theta(devices, inputs.theta),
         believed=believed,
-        law=LAWS[law](inputs.gains),
+        law=partial(LAWS[law], inputs.gains),
         largest=largest,
         dead_zone=shaping[0],
         furthest=shaping[1],
         delay=delay,
         sample_time=sample_time,
-        ground=ground,
+        ground=inputs.acceleration,
     )
     depth = 1 + -(-delay // steps)
     return simulate(
-        run, n_samples, steps, n_kept=n_kept, depth=depth, prescribed=commands, histories=histories
+        run, n_samples, steps, n_kept=n_kept, depth=depth, prescribed=inputs.commands, histories=histories
     )
 
 
@@ -281,13 +280,12 @@ def loop(
     loop_devices = tuple(LoopDevice.of(device) for device in devices)
     gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
     if isinstance(law, ControlLaw):
-        if len(law.gain_rows(len(devices), 2 * building.n_coordinates)) != 1:
+        widths = len(devices), 2 * building.n_coordinates
+        if len(law.gain_rows(*widths)) != 1:
             raise SettingError(f"the gains of {name} are of several candidates; give gains of one")
-        shapes = {
-            gain.name: gain.shape_for(len(devices), 2 * building.n_coordinates) for gain in law.spec.gains
-        }
         gains = {
-            key: np.reshape(np.asarray(law.gains[key], dtype=float), shape) for key, shape in shapes.items()
+            gain.name: np.asarray(law.gains[gain.name], dtype=float).reshape(gain.shape_for(*widths))
+            for gain in law.spec.gains
         }
         believed = believed_devices(loop_devices, law.curve)
         shaping = law.shaping or shaping
@@ -321,7 +319,7 @@ def loop(
         devices=loop_devices,
         believed=believed,
         largest=largest,
-        shaping=shaping,
+        shaping=(shaping[0], min(shaping[1], hardware.command_rate) * hardware.sample_time),
     )
 
 

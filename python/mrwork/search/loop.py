@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from mrwork.base.arguments import NotNegative, Seed, checked
 from mrwork.base.numbers import format_rounded
@@ -133,11 +134,8 @@ def run_search(
     >>> bool(np.all(state.course.best_unit == result.best_unit))
     True
     """
-    stop = optimiser.stop
-    if seconds is not None:
-        stop = replace(stop, max_seconds=seconds)
-    if until is not None:
-        stop = replace(stop, target=until)
+    given: dict[str, Any] = {"max_seconds": seconds, "target": until}
+    stop = replace(optimiser.stop, **{name: limit for name, limit in given.items() if limit is not None})
     optimiser = replace(optimiser, stop=stop)
     if stop.max_evaluations is not None and stop.max_evaluations < optimiser.population:
         raise SettingError(

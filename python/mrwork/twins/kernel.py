@@ -6,7 +6,6 @@ record, with its splines, is an operand like the parameters, so a compiled progr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
@@ -21,7 +20,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.extend.core import Primitive
 
 from mrwork import _rust
-from mrwork.dampers.simulation import MOST_SUBSTEPS
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError
 from mrwork.store.codec import package_version
@@ -42,7 +41,7 @@ class Kernel:
     """Constants of a compiled simulation; equal values share one compilation.
 
     `columns` are the columns of `theta` by which the forces are differentiated. `substeps` per sample interval are the
-    same for every candidate, or follow from its stiffness where they are 0.
+    same for every candidate, or follow from its stiffness where they are 0. The operation is registered with the first.
     """
 
     spec: DamperSpec
@@ -50,25 +49,9 @@ class Kernel:
     substeps: int = 0
     threads: int = 1
 
-    @classmethod
-    def of(
-        cls,
-        spec: DamperSpec,
-        *,
-        columns: Sequence[int] | None = None,
-        substeps: int | None = None,
-        threads: int = 1,
-    ) -> Kernel:
-        """Register the operation in this process; all columns by default."""
+    def __post_init__(self) -> None:
         begin()
         _register()
-        every = range(len(spec.parameters))
-        return cls(
-            spec=spec,
-            columns=tuple(every if columns is None else columns),
-            substeps=substeps or 0,
-            threads=threads,
-        )
 
     def __call__(self, theta: Array, record: RecordArrays) -> Array:
         """Forces [N], shape (..., n_time), of parameters (..., n_params); rows that failed are infinite."""
@@ -122,9 +105,7 @@ def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bo
     if derivatives:
         shapes.append((*leading, len(kernel.columns), record.n_time))
     call = _ffi.ffi_call(
-        _TARGET,
-        [_jax.ShapeDtypeStruct(shape, jnp.float64) for shape in shapes],
-        vmap_method="expand_dims",
+        _TARGET, [_jax.ShapeDtypeStruct(shape, jnp.float64) for shape in shapes], vmap_method="expand_dims"
     )
     results = call(
         _on_processor.bind(theta),

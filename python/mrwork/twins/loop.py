@@ -6,7 +6,7 @@ building, dampers and energies advance by the classical Runge-Kutta rule, the dr
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from mrwork import _rust
 from mrwork.base.values import array_dataclass
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.loop_laws import Law, Measurement
-from mrwork.twins.models import parameters_at, twin_of
+from mrwork.twins.loop_laws import Measurement
+from mrwork.twins.models import parameters_at, root, twin_of
 from mrwork.twins.own_stepping import radius_of
 
 # As STEPS_PER_CHECK of `block.rs`.
@@ -136,17 +136,6 @@ def believed_devices(devices: Devices, curve: tuple[DamperSpec, ArrayLike] | Non
     return tuple(replace(device, spec=spec, theta=theta) for device in devices)
 
 
-class Extent(NamedTuple):
-    """Peak magnitude and sum of squares of signals, over the starts of all steps."""
-
-    peak: Array
-    squares: Array
-
-    def with_sample(self, signal: Array) -> Extent:
-        """Return the value with one more sample."""
-        return Extent(jnp.maximum(self.peak, jnp.abs(signal)), self.squares + signal * signal)
-
-
 class Energies(NamedTuple):
     """Energies since the start [J]: input, structural damping, and dissipation of each device, (n_devices,)."""
 
@@ -215,7 +204,8 @@ class Reductions(NamedTuple):
     `bound` bounds the rates of the dampers' states [1/s], `invalid` says whether a command was not a number.
     """
 
-    signals: Extent
+    peak: Array
+    squares: Array
     current_sum: Array
     command: Travel
     imbalance: Array
@@ -253,7 +243,7 @@ class LoopRun(NamedTuple):
     plant: LoopPlant
     devices: Devices
     believed: Devices | None
-    law: Law
+    law: Callable[[Measurement], Array]
     largest: Array
     dead_zone: Array | float
     furthest: Array | float
@@ -327,7 +317,8 @@ class _Loop:
         motion = LoopState(jnp.zeros(n), jnp.zeros(n), states, Energies(zero, zero, still))
         none = jnp.zeros_like(self.signals(motion, self.stage(motion, still, zero), still, zero)[1])
         reductions = Reductions(
-            signals=Extent(none, none),
+            peak=none,
+            squares=none,
             current_sum=still,
             command=Travel(*6 * [still]),
             imbalance=zero,
@@ -360,7 +351,7 @@ class _Loop:
             largest=run.largest,
             prescribed=at.prescribed,
         )
-        raw = run.law.command(measured)
+        raw = run.law(measured)
         command = jnp.clip(jnp.where(jnp.isnan(raw), 0.0, raw), 0.0, run.largest)
         command = jnp.where(jnp.abs(v[:n]) < run.dead_zone, 0.0, command)
         before = carry.commands[0, :n]
@@ -417,9 +408,11 @@ class _Loop:
             motion,
             *(stage.rate for stage in (first, second, third, fourth)),
         )
-        reductions = carry.kept._replace(
-            signals=carry.kept.signals.with_sample(self.signals(motion, first, current, a_g[0])[1]),
-            current_sum=carry.kept.current_sum + current,
+        kept, signal = carry.kept, self.signals(motion, first, current, a_g[0])[1]
+        reductions = kept._replace(
+            peak=jnp.maximum(kept.peak, jnp.abs(signal)),
+            squares=kept.squares + signal * signal,
+            current_sum=kept.current_sum + current,
         )
         return LoopCarry(after, end, carry.commands, reductions)
 
@@ -519,7 +512,7 @@ class _Loop:
         ends = np.cumsum([len(signal) for signal in named.values()])[:-1]
         peaks, roots = (
             dict(zip(named, jnp.split(values, ends), strict=True))
-            for values in (reductions.signals.peak, _root(reductions.signals.squares / n_steps))
+            for values in (reductions.peak, root(reductions.squares / n_steps))
         )
         kinetic, strain = self.held(motion)
         none, drift = jnp.zeros(0), times(self.run.plant.storeys, motion.q)
@@ -551,12 +544,6 @@ class _Loop:
             bound=reductions.bound,
             invalid=reductions.invalid,
         )
-
-
-def _root(square: Array) -> Array:
-    """Square root, with a derivative of zero at zero."""
-    positive = square > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
 
 
 def times(matrix: Array, vector: Array) -> Array:

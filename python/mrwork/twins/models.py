@@ -63,6 +63,12 @@ def power(base: Array, exponent: Array) -> Array:
     return jnp.where(positive, jnp.where(positive, base, 1.0) ** exponent, 0.0)
 
 
+def root(square: Array) -> Array:
+    """Square root, with a derivative of zero at zero."""
+    positive = square > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+
+
 @_twin()
 def bingham(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = f_c tanh(v/v_s) + c0 v + f0 (Stanway, Sproston and Stevens 1987)."""
@@ -400,12 +406,8 @@ def _device_of(point: Any) -> Any:
 @cache
 def keep_compiled() -> None:
     """Enable JAX's compilation cache in $XDG_CACHE_HOME or ~/.cache, unless one is configured, or none is writable."""
-    if jax.config.values["jax_compilation_cache_dir"] is not None:
-        return
-    if os.environ.get(_SWITCH) == "off":
-        return
-    folder = _folder()
-    if folder is None:
+    is_given = jax.config.values["jax_compilation_cache_dir"] is not None
+    if is_given or os.environ.get(_SWITCH) == "off" or (folder := _folder()) is None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))  # type: ignore[no-untyped-call] # as above
     if "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ:

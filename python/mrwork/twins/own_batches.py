@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.values import Floats
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec
 from mrwork.store.long_call import interruptible
 from mrwork.twins.models import on_processor, twin_of
@@ -32,25 +33,23 @@ Counts = NDArray[np.uint32]
 _FEWEST_ROWS, _FEWEST_SAMPLES = 8, 1024
 # Candidates whose sub-steps are remembered.
 _MOST_COUNTS = 2000
-# Most numbers of the states, forces and derivatives of a call.
-_MOST_NUMBERS = 3e7
+MOST_NUMBERS = 3e7
+"""Most numbers of the states, forces and derivatives, or of the histories, of a call."""
 
 
 @on_processor()
-def stiffness(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, *, most: int) -> Floats:
-    """Sub-steps that each row of `theta`, shape (n_batch, n_params), wants, not rounded; infinite beyond `most`."""
-    if twin_of(spec).relaxation is not None or not spec.n_states:
-        return _relaxation(spec, theta, history)
-    _, wanted, _ = _resolved(spec, theta, history, most)
-    return wanted
+def stiffness(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) -> Floats:
+    """Sub-steps that each row of `theta`, (n_batch, n_params), wants, not rounded; infinite beyond the most."""
+    wanted = _relaxation(spec, theta, history)
+    return _resolved(spec, theta, history)[1] if wanted is None else wanted
 
 
 @on_processor()
 def forces(
-    spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, factor: int, *, most: int
+    spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, factor: int
 ) -> tuple[Floats, Counts]:
-    """Forces [N], shape (n_batch, n_time), and sub-steps of each row; 0 where it wants more than `most`."""
-    force, _, substeps = _resolved(spec, theta, history, most)
+    """Forces [N], shape (n_batch, n_time), and sub-steps of each row; 0 where it wants too many."""
+    force, _, substeps = _resolved(spec, theta, history)
     if factor > 1:
         substeps = substeps * np.uint32(factor)
         for count, rows in _groups(substeps):
@@ -61,21 +60,14 @@ def forces(
 
 @on_processor()
 def sensitivities(
-    spec: DamperSpec,
-    theta: Floats,
-    history: _rust.LoadingHistory,
-    columns: Sequence[int] | None,
-    factor: int,
-    *,
-    most: int,
+    spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, columns: Sequence[int] | None
 ) -> tuple[Floats, Floats, Counts]:
     """Forces and sub-steps as `forces`, and derivatives in columns of `theta`, (n_batch, n_columns, n_time)."""
     chosen = list(range(theta.shape[1])) if columns is None else list(columns)
     directions = np.eye(theta.shape[1])[chosen]
     # A candidate is mostly simulated alone before its derivatives are wanted.
     steps = [_last_counts(spec, history).get(row.tobytes()) for row in theta]
-    substeps = _resolved(spec, theta, history, most)[2] if None in steps else np.array(steps, dtype=np.uint32)
-    substeps = substeps * np.uint32(factor)
+    substeps = _resolved(spec, theta, history)[2] if None in steps else np.array(steps, dtype=np.uint32)
     force = np.full((len(theta), history.n_time), np.inf)
     slopes = np.full((len(theta), len(chosen), history.n_time), np.inf)
     for count, rows in _groups(substeps):
@@ -86,28 +78,28 @@ def sensitivities(
 
 
 def _resolved(
-    spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, most: int
+    spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory
 ) -> tuple[Floats, Floats, Counts]:
-    """Force of each row, sub-steps that it needs, and sub-steps that it gets: 0 where it needs more than `most`."""
+    """Force of each row, sub-steps that it needs, and sub-steps that it gets: 0 where it needs too many."""
     force = np.full((len(theta), history.n_time), np.inf)
-    has_relaxation = twin_of(spec).relaxation is not None or not spec.n_states
-    wanted = _relaxation(spec, theta, history) if has_relaxation else np.ones(len(theta))
-    substeps = whole_steps(wanted, most).astype(np.uint32)
+    relaxation = _relaxation(spec, theta, history)
+    wanted = np.ones(len(theta)) if relaxation is None else relaxation
+    substeps = whole_steps(wanted, MOST_SUBSTEPS).astype(np.uint32)
     open_rows = np.flatnonzero(substeps)
     while open_rows.size:
         again = []
         for count, places in _groups(substeps[open_rows]):
             rows = open_rows[places]
-            force[rows], bound = _run(spec, theta[rows], history, count, bounded=not has_relaxation)
-            if has_relaxation:
+            force[rows], bound = _run(spec, theta[rows], history, count, bounded=relaxation is None)
+            if relaxation is not None:
                 continue
             finite = np.isfinite(force[rows]).all(axis=1)
             wants = np.where(finite, bound * history.dt / RESOLUTION, float(FINER * count))
             # NaN at rest stays NaN however fine the step.
             wants[~np.isfinite(force[rows, 0])] = count
-            wants[~finite & (count >= most)] = count
+            wants[~finite & (count >= MOST_SUBSTEPS)] = count
             wanted[rows] = wants
-            finer = whole_steps(wants, most)
+            finer = whole_steps(wants, MOST_SUBSTEPS)
             more = finer > count
             substeps[rows[more | (finer == 0)]] = finer[more | (finer == 0)]
             again.append(rows[more])
@@ -146,13 +138,11 @@ def _run(
     n_kept = power_of_two(history.n_time, _FEWEST_SAMPLES)
     record = _record(history, n_kept)
     row_size = n_kept * (spec.n_states + 2) * (1 if directions is None else 1 + len(directions))
-    at_once = max(_FEWEST_ROWS, 1 << int(np.log2(max(_MOST_NUMBERS / row_size, 1.0))))
+    at_once = max(_FEWEST_ROWS, 1 << int(np.log2(max(MOST_NUMBERS / row_size, 1.0))))
     parts = []
     for start in range(0, len(theta), at_once):
         rows = theta[start : start + at_once]
-        padding = power_of_two(len(rows), _FEWEST_ROWS) - len(rows)
-        padded = np.concatenate([rows, np.repeat(rows[-1:], padding, axis=0)])
-        batch = Rows(padded, record, history.n_time, substeps)
+        batch = Rows(_padded(rows), record, history.n_time, substeps)
         call: Callable[..., tuple[Array, Array]] = (
             partial(_forces, bounded=bounded)
             if directions is None
@@ -164,18 +154,24 @@ def _run(
     return force[:, : history.n_time], second if directions is None else second[..., : history.n_time]
 
 
-def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) -> Floats:
-    """Sub-steps that the relaxation of the user wants, shape (n_batch,); zero for a damper without states."""
+def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) -> Floats | None:
+    """Sub-steps that the relaxation of the user wants, (n_batch,); zero without states, `None` without a relaxation."""
     if not spec.n_states:
         return np.zeros(len(theta))
+    if twin_of(spec).relaxation is None:
+        return None
     record = _record(history, power_of_two(history.n_time, _FEWEST_SAMPLES))
-    padding = power_of_two(len(theta), _FEWEST_ROWS) - len(theta)
-    padded = np.concatenate([theta, np.repeat(theta[-1:], padding, axis=0)])
     command = np.asarray(record.command)
     levels = np.linspace(command.min(), command.max(), N_LEVELS if len(command) > 1 else 1)
-    batch = Rows(padded, record, history.n_time, 1)
+    batch = Rows(_padded(theta), record, history.n_time, 1)
     bound = np.asarray(computed(partial(_fastest, batch, levels, spec=spec)))
     return np.asarray(bound[: len(theta)] * history.dt / RESOLUTION)
+
+
+def _padded(rows: Floats) -> Floats:
+    """The rows, the last of them repeated up to a power of two."""
+    padding = power_of_two(len(rows), _FEWEST_ROWS) - len(rows)
+    return np.concatenate([rows, np.repeat(rows[-1:], padding, axis=0)])
 
 
 def power_of_two(count: int, least: int) -> int:

@@ -129,8 +129,6 @@ def own_damper(
         source=source or "the user's own",
         nominal_source="the user's own",
         n_states=states,
-        odd=False,
-        relaxes=False,
         spring=spring,
         parameters=specs,
         plain=specs,
@@ -161,14 +159,14 @@ def own_damper(
     equations.trust()
     spec = replace(spec, own=equations)
     check = _Check(spec, twin_of(spec))
-    odd, relaxes = computed(lambda: check.run(stated))
+    computed(lambda: check.run(stated))
     if check.traces != given_check.traces:
         raise SettingError(f"the file of {name} was changed after it was run; run it again")
     final = tuple(
         replace(parameter, scale="offset") if shifts and parameter.scale == "linear" else parameter
         for parameter, shifts in zip(specs, check.shifts, strict=True)
     )
-    return replace(spec, parameters=final, plain=final, odd=odd, relaxes=relaxes)
+    return replace(spec, parameters=final, plain=final)
 
 
 def _parameter(name: str, entry: _Given) -> ParamSpec:
@@ -219,11 +217,8 @@ class _Check:
         """Whether each parameter adds a constant force and does nothing else."""
         self._rest = jnp.asarray(spec.nominal), jnp.zeros(spec.n_states), jnp.float64(0.0), jnp.float64(0.0)
 
-    def run(self, functions: Mapping[str, Callable[..., Any]]) -> tuple[bool, bool]:
-        """Refuse equations that cannot be simulated, in a sentence with the place of the function.
-
-        Returns whether the opposite motion gives the opposite force, and whether states move at rest.
-        """
+    def run(self, functions: Mapping[str, Callable[..., Any]]) -> None:
+        """Refuse equations that cannot be simulated, in a sentence with the place of the function."""
         for role, function in functions.items():
             location = place_of(function)
             where = f"{role} of {self._spec.name}" + (f" ({location})" if location else "")
@@ -231,7 +226,6 @@ class _Check:
             self._look_at_rest(where, role)
         self._find_unused()
         self._look_at_sign()
-        return self._is_odd(), self._relaxes()
 
     def _of(self, role: str) -> Callable[..., Any]:
         """An equation of theta, state, displacement and velocity."""
@@ -353,23 +347,6 @@ class _Check:
                 f"the force of {self._spec.name} has the direction of the velocity, so that it gives energy; turn its "
                 "sign: force times velocity is the dissipated power"
             )
-
-    def _is_odd(self) -> bool:
-        equations = [self._of(role) for role in ("force", "rate")]
-        there_and_back = jax.jit(
-            lambda theta, state, x, v: [
-                (equation(theta, state, x, v), equation(theta, -state, -x, -v)) for equation in equations
-            ]
-        )
-        return all(
-            np.allclose(here, -np.asarray(there), rtol=1e-9, atol=0.0)
-            for point in self._points()
-            for here, there in there_and_back(*point)
-        )
-
-    def _relaxes(self) -> bool:
-        rate = jax.jit(self._of("rate"))
-        return any(bool(np.any(rate(theta, state, x, 0.0))) for theta, state, x, _ in self._points())
 
 
 def _dtypes(jaxpr: Any) -> Iterator[Any]:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.simulation import MOST_SUBSTEPS, Outcome
+from mrwork.dampers.parameters import MOST_SUBSTEPS
+from mrwork.dampers.simulation import Outcome
 from mrwork.twins.loop import (
     STRETCH,
     Devices,
@@ -34,13 +35,12 @@ from mrwork.twins.loop import (
 from mrwork.twins.loop_ground import half_steps, stage_values
 from mrwork.twins.loop_laws import LAWS, Gains
 from mrwork.twins.models import on_processor, parameters_at, twin_of
-from mrwork.twins.own_batches import computed, power_of_two
-from mrwork.twins.own_stepping import FINER, RESOLUTION
+from mrwork.twins.own_batches import MOST_NUMBERS, computed, power_of_two
+from mrwork.twins.own_stepping import FINER, N_LEVELS, RESOLUTION
 
-# As LARGEST_DISPLACEMENT of `respond.rs` [m], COMMAND_LEVELS of `resolution.rs`, and the velocities, displacements and
-# differences of `slopes.rs` by which slopes of the force are looked for.
+# As LARGEST_DISPLACEMENT of `respond.rs` [m], and the velocities, displacements and differences of `slopes.rs` by which
+# slopes of the force are looked for.
 _LARGEST_DISPLACEMENT = 1e3
-_LEVELS = 9
 _VELOCITIES = (0.0, 1e-3, -1e-3, 1e-2, -1e-2, 0.1, -0.1, 0.5, -0.5)
 _DISPLACEMENTS = (0.0, 1e-4, -1e-4, 1e-2, -1e-2)
 _SHIFT = 1e-7
@@ -48,8 +48,6 @@ _SHIFT = 1e-7
 _TRIES = 3
 # Fewest runs, samples and values of the ground that are compiled apart; samples are whole stretches.
 _FEWEST_RUNS, _FEWEST_SAMPLES, _FEWEST_VALUES = 4, 32 * STRETCH, 1 << 17
-# Most numbers of the histories of a call.
-_MOST_NUMBERS = 3e7
 
 
 @array_dataclass()
@@ -185,7 +183,7 @@ def _groups(
     groups: dict[tuple[int, int], list[int]] = {}
     for run, count in pending.items():
         groups.setdefault((int(runs[run, 1]), count), []).append(run)
-    at_once = max(_FEWEST_RUNS, int(_MOST_NUMBERS / max(numbers, 1)))
+    at_once = max(_FEWEST_RUNS, int(MOST_NUMBERS / max(numbers, 1)))
     for (motion_index, count), members in groups.items():
         for start in range(0, len(members), at_once):
             yield motion_index, count, members[start : start + at_once]
@@ -206,7 +204,7 @@ def _additions(loop: OwnLoop, theta: Sequence[Floats]) -> list[tuple[float, floa
     added = np.zeros((len(theta[0]), 2))
     for index, device in enumerate(loop.devices):
         least, most = loop.ranges[index].tolist()
-        levels = np.linspace(least, most, _LEVELS if device.spec.follows_command else 1)
+        levels = np.linspace(least, most, N_LEVELS if device.spec.follows_command else 1)
         slopes = computed(partial(_steepest, device, theta[index], levels))
         dampers = device.count * (2.0 if device.differential else 1.0)
         added += dampers * np.asarray(slopes) * (np.asarray(device.row) @ inverse @ np.asarray(device.row))
@@ -327,7 +325,7 @@ def _simulate(
             plant=arrays.plant,
             devices=with_theta(devices, arrays.theta),
             believed=believed,
-            law=LAWS[law](arrays.gains),
+            law=partial(LAWS[law], arrays.gains),
             largest=largest,
             dead_zone=arrays.dead_zone,
             furthest=arrays.furthest,

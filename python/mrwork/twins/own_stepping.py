@@ -21,7 +21,7 @@ from mrwork.twins.record_arrays import RecordArrays, motion_at
 
 # Largest product of a step and the fastest relaxation, as RESOLUTION of `integrate.rs`.
 RESOLUTION = 1.4
-# Commands at which a relaxation is asked for, as COMMAND_LEVELS of `loading.rs`.
+# Commands at which a relaxation is asked for, as COMMAND_LEVELS of `loading.rs` and `groups.rs`.
 N_LEVELS = 9
 # A run that is not finite is tried again with so many times the sub-steps.
 FINER = 4
@@ -95,24 +95,8 @@ def _kept(rows: Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | 
     return states, received.at[n_time - 1].set(at_coil) if varies else None
 
 
-def simulate(spec: DamperSpec, theta: Array, record: RecordArrays, substeps: int) -> Array:
-    """Simulate the force of a damper with states that begin at zero, by the stepping rule of the Rust core.
-
-    Parameters
-    ----------
-    theta
-        Parameters in spec order, shape (n_params,).
-    record
-        Motion and command, from `mr.jax.twin(spec).record(test)`. The command is held from sample to sample, and the
-        current in the coil begins at the first one.
-    substeps
-        Sub-steps per sample.
-
-    Returns
-    -------
-    Array
-        Force [N], shape (n_time,).
-    """
+def simulate(spec: DamperSpec, theta: Array, record: RecordArrays, substeps: Array | int) -> Array:
+    """Force of one candidate [N], (n_time,); states begin at zero, the current in the coil at the first command."""
     return simulate_one(spec, theta, record, substeps, bounded=False)[0]
 
 

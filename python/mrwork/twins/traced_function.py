@@ -14,9 +14,8 @@ from jax import Array
 
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.dampers.coordinates import Box, Coordinates
+from mrwork.dampers.coordinates import Box, Coordinates, OfPoints
 from mrwork.errors import SettingError
 from mrwork.twins.models import evaluate_on_processor
 
@@ -30,7 +29,7 @@ _ROUNDING = 1e-12
 )
 # JAX keeps functions by weak references, and ends the process where an object allows none.
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
-class TracedFunction(Summarised):
+class TracedFunction(OfPoints, Summarised):
     """A function of a point, shape (n_free,), for JAX; of many, (..., n_free), it has so many values.
 
     A point gives the parameters `names`, or, with the coordinates "unit" or "latent", their places between the bounds,
@@ -75,21 +74,6 @@ class TracedFunction(Summarised):
             data=data,
         )
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters."""
-        return self.box.free_names
-
-    @property
-    def lower(self) -> Floats:
-        """Lower bound of every coordinate, shape (n_free,)."""
-        return self.box.ends(self.coordinates)[0]
-
-    @property
-    def upper(self) -> Floats:
-        """Upper bound of every coordinate, shape (n_free,)."""
-        return self.box.ends(self.coordinates)[1]
-
     def __call__(self, point: Any, data: Any = None) -> Array:
         """Value at a point, with these `data` in place of the data of the function, if given."""
         return self._value(self.compute, point, self.data if data is None else data)
@@ -120,16 +104,10 @@ class TracedFunction(Summarised):
         return values
 
     def _summary(self) -> Summary:
-        rows = [
-            (name, *(format_rounded(number) for number in numbers), unit)
-            for name, *numbers, unit in zip(
-                self.names, self.start, self.lower.tolist(), self.upper.tolist(), self.units, strict=True
-            )
-        ]
         return Summary(
             title=f"{self.title}, for JAX",
-            facts=(("coordinates", self.coordinates), *([("held", self.held)] if self.held else [])),
-            tables=[Table(columns=("parameter", "start", "lower", "upper", "unit"), rows=rows)],
+            facts=(("coordinates", self.coordinates), ("held", self.held)),
+            tables=[self._table(self.units, self.start)],
         )
 
 

@@ -114,13 +114,7 @@ class MagneticCircuit(Summarised):
         return self.turns**2 * flux / (self.ampere_turns(above) - self.ampere_turns(below))
 
     @checked
-    def rise_time(
-        self,
-        *,
-        current: Current,
-        resistance: Resistance,
-        supply: Voltage | None = None,
-    ) -> float:
+    def rise_time(self, *, current: Current, resistance: Resistance, supply: Voltage | None = None) -> float:
         """Time [s] until 63 % of a current [A] flow after a step, from `d(N Phi)/dt + R i = V`.
 
         Without a `supply` the voltage V is R times the current, so that an unsaturated coil takes L/R. A current
@@ -407,7 +401,7 @@ class DamperDesign(Summarised):
         flow_model
             How the pressure drop is computed: a name of `PRESSURES`.
         """
-        broadcast("DamperDesign.force", velocity=velocity, current=current)
+        broadcast(velocity=velocity, current=current)
         velocity = np.asarray(velocity, dtype=np.float64)
         speed, pressure = np.abs(velocity), PRESSURES[flow_model]
         drop = sum(

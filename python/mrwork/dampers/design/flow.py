@@ -93,9 +93,7 @@ def annular_pressure(
     NDArray
         [Pa], of the shape to which `flow`, `yield_stress` and `wall_speed` broadcast.
     """
-    flow, tau, speed = broadcast(
-        "annular_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
-    )
+    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
     inner, outer = slot.inner_radius, slot.inner_radius + slot.gap
 
     def profile(gradient: Floats, neutral: Floats) -> tuple[Floats, Floats]:
@@ -140,9 +138,7 @@ def plate_pressure(
     Variable Yield Stress, thesis, Berkeley, 1969), with a moving wall of his quintic. Arguments and result as
     in `annular_pressure`.
     """
-    flow, tau, speed = broadcast(
-        "plate_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
-    )
+    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
     gap, power = slot.gap, 1.0 + 1.0 / flow_index
 
     def compute_flow(gradient: Floats) -> Floats:
@@ -178,20 +174,17 @@ def summed_pressure(
     viscosity: Viscosity,
     flow_index: FlowIndex = 1.0,
     wall_speed: WallSpeeds = 0.0,
-    coefficient: Annotated[float, Within(least=2.0, most=3.0)] | None = None,
 ) -> Floats:
     """Pressure drop as the sum of a viscous and a yield part, the usual approximation; arguments of `annular_pressure`.
 
     `12 eta L (Q + w h v/2)/(w h^3) + c tau_y L/h`, for n other than 1 with the viscosity at the wall of a fluid without
-    yield stress. Without a `coefficient`, c is of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w
-    h^2 tau_y/(12 Q eta)` (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
+    yield stress. The factor c is of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w h^2 tau_y/(12 Q eta)`
+    (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
     """
-    flow, tau, speed = broadcast(
-        "summed_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
-    )
+    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
     viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
     ratio = np.divide(tau, slot.gap * viscous, out=np.full(tau.shape, np.inf), where=viscous > 0.0)
-    c = 2.07 + 1.0 / (1.0 + 0.4 * ratio) if coefficient is None else coefficient
+    c: Floats = 2.07 + 1.0 / (1.0 + 0.4 * ratio)
     return slot.length * (viscous + c * tau / slot.gap)
 
 
@@ -235,7 +228,7 @@ def _gradient(
     return np.where(flowing, roots_between(excess, low, high), at_rest)
 
 
-def broadcast(function: str, **values: ArrayLike) -> tuple[Floats, ...]:
+def broadcast(**values: ArrayLike) -> tuple[Floats, ...]:
     """Arguments of a function as arrays of the shape to which they broadcast."""
     arrays = [np.asarray(value, dtype=np.float64) for value in values.values()]
     try:
@@ -243,7 +236,7 @@ def broadcast(function: str, **values: ArrayLike) -> tuple[Floats, ...]:
     except ValueError:
         shapes = ", ".join(f"`{name}` {array.shape}" for name, array in zip(values, arrays, strict=True))
         raise SettingError(
-            f"arguments of {function} have the shapes {shapes}; give shapes that broadcast against each other"
+            f"the shapes are {shapes}; give shapes that broadcast against each other"
         ) from None
 
 

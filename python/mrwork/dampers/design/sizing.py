@@ -95,37 +95,30 @@ class DamperWishes(Summarised):
         return float(np.pi / 4.0 * self.outer_diameter**2 * self.length)
 
     @checked
-    def missed(self, design: DamperDesign) -> dict[str, float]:
-        """Relative shortfall of a design for each wish that it does not meet."""
-        return find_misses(self, design)
-
-
-def find_misses(
-    wishes: DamperWishes, design: DamperDesign, flow_model: FlowModel = "annulus"
-) -> dict[str, float]:
-    """The unmet wishes of a design, see `DamperWishes.missed`."""
-    currents = np.array([design.largest_current, 0.0])
-    on, off = design.force(design.velocity, currents, flow_model=flow_model).tolist()
-    shortfalls = {
-        "force": 1.0 - on / wishes.force,
-        "dynamic_range": 1.0 - on / off / wishes.dynamic_range,
-        "velocity": 1.0 - design.velocity / wishes.velocity,
-        "stroke": 1.0 - design.stroke / wishes.stroke,
-        "outer_diameter": design.outer_diameter / wishes.outer_diameter - 1.0,
-        "length": design.chamber_length / wishes.length - 1.0,
-        "voltage": design.resistance * design.largest_current / wishes.voltage - 1.0,
-        "current": design.largest_current / wishes.current - 1.0,
-        "least_gap": 1.0 - design.gap / wishes.least_gap,
-        "stress": on / design.piston_area * design.bore / (2.0 * design.wall) / wishes.stress - 1.0,
-        "current_density": design.current_density / wishes.current_density - 1.0,
-    }
-    if wishes.response_time is not None:
-        try:
-            shortfalls["response_time"] = design.response_time(wishes.voltage) / wishes.response_time - 1.0
-        except SettingError:
-            # The supply cannot drive the current, which misses the voltage, too.
-            shortfalls["response_time"] = 1.0
-    return {name: value for name, value in shortfalls.items() if value > 1e-9}
+    def missed(self, design: DamperDesign, *, flow_model: FlowModel = "annulus") -> dict[str, float]:
+        """Relative shortfall of a design for each wish that it does not meet; its forces are by the `flow_model`."""
+        currents = np.array([design.largest_current, 0.0])
+        on, off = design.force(design.velocity, currents, flow_model=flow_model).tolist()
+        shortfalls = {
+            "force": 1.0 - on / self.force,
+            "dynamic_range": 1.0 - on / off / self.dynamic_range,
+            "velocity": 1.0 - design.velocity / self.velocity,
+            "stroke": 1.0 - design.stroke / self.stroke,
+            "outer_diameter": design.outer_diameter / self.outer_diameter - 1.0,
+            "length": design.chamber_length / self.length - 1.0,
+            "voltage": design.resistance * design.largest_current / self.voltage - 1.0,
+            "current": design.largest_current / self.current - 1.0,
+            "least_gap": 1.0 - design.gap / self.least_gap,
+            "stress": on / design.piston_area * design.bore / (2.0 * design.wall) / self.stress - 1.0,
+            "current_density": design.current_density / self.current_density - 1.0,
+        }
+        if self.response_time is not None:
+            try:
+                shortfalls["response_time"] = design.response_time(self.voltage) / self.response_time - 1.0
+            except SettingError:
+                # The supply cannot drive the current, which misses the voltage, too.
+                shortfalls["response_time"] = 1.0
+        return {name: value for name, value in shortfalls.items() if value > 1e-9}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -215,7 +208,7 @@ def size_damper(
         design = candidate(unit, wishes, fluid, steel)
         if design is None:
             return _IMPOSSIBLE
-        missed = sum(find_misses(harder, design, "plates").values())
+        missed = sum(harder.missed(design, flow_model="plates").values())
         return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
 
     def sized() -> SizedDamper | None:

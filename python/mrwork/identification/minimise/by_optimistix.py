@@ -40,7 +40,7 @@ def find_minimum_by_optimistix(
 
 
 def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> LocalMinimum:
-    minimise = _method(Residuals.of(objective, columns=box.free, substeps=None, threads=1), box)
+    minimise = _method(Residuals.of(objective, columns=box.free), box)
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
     # Units of the coordinates in which they have equal effects on the residuals, as in Marquardt's scaling.
     every = np.ones((1, len(objective.compared)), dtype=np.bool_)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.simulation import MOST_SUBSTEPS
+from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.identification.minimise.straight import Straight
 from mrwork.identification.residual import ObservedTest
 
