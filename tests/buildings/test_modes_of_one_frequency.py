@@ -11,7 +11,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork import buildings
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.plane_building import Building
 from mrwork.buildings.state_space import building_of, mass_of_forces
 
 STIFFNESS = 2e6

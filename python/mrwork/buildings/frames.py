@@ -18,15 +18,11 @@ from mrwork.base.hints import Says, Within
 from mrwork.base.keys import check_known
 from mrwork.base.units import RATIOS
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import (
-    Building,
-    PassiveElement,
-    Status,
-    check_size,
-    source_with,
-    transform_elements,
-)
+from mrwork.buildings.building_checks import check_size
 from mrwork.buildings.modes import modes_of, spaces_of
+from mrwork.buildings.passive_element import PassiveElement, transform_elements
+from mrwork.buildings.plane_building import Building, source_with
+from mrwork.buildings.structure import Status
 from mrwork.errors import SettingError
 
 Storey = Annotated[int | str, Says("number of the storey from 1, or its name")]
@@ -72,7 +68,7 @@ def shear_building(
     3.0
     """
     n = len(masses)
-    check_size(n, f"building {name}")
+    check_size(n, name)
     damping = tuple(storey_damping) or (0.0,) * n
     for title, values in (("stiffnesses", stiffnesses), ("storey_damping", damping)):
         if len(values) != n:

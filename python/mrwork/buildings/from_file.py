@@ -24,6 +24,7 @@ from mrwork.base.numbers import counted
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.summary import named
 from mrwork.base.values import Floats
+from mrwork.buildings.building_checks import MOST_COORDINATES
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
     number_names,
@@ -36,7 +37,6 @@ from mrwork.buildings.frames import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import MOST_COORDINATES, WITHOUT_MASSES, Building, PassiveElement, source_with
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -46,6 +46,8 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
+from mrwork.buildings.passive_element import PassiveElement
+from mrwork.buildings.plane_building import Building, source_with
 from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
@@ -279,7 +281,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
 
 def refuse_without_masses(building: Building) -> None:
     """Refuse dampers and additions for a building without known masses."""
-    if building.status == WITHOUT_MASSES:
+    if not building.knows_masses:
         raise InvalidSettingError(
             (),
             "A alone does not say what a force does, and the building has dampers or additions; give M in the file, or "
@@ -338,7 +340,7 @@ def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
     """The building with other matrices, if there are any."""
     if not arrays:
         return building
-    status = building.status if building.status == WITHOUT_MASSES else "ours"
+    status = "ours" if building.knows_masses else building.status
     source = source_with(building, f"{', '.join(arrays)} replaced")
     return replace(building, **arrays, status=status, source=source)
 

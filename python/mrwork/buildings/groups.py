@@ -10,7 +10,7 @@ import numpy as np
 
 from mrwork.base.numbers import counted
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.errors import InvalidSettingError, SettingError
 
 BOTH_UNITS = "A and V"

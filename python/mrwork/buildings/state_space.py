@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import checked
 from mrwork.base.values import Floats
 from mrwork.buildings.frames import number_names
-from mrwork.buildings.matrices import WITHOUT_MASSES, Building, Status, source_with, transform_elements
 from mrwork.buildings.modes import modes_of, spaces_of
+from mrwork.buildings.passive_element import transform_elements
+from mrwork.buildings.plane_building import Building, source_with
+from mrwork.buildings.structure import Status
 from mrwork.errors import SettingError
 
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
@@ -56,7 +58,7 @@ def building_of(
     order, n = order_of_states(A, name), len(A) // 2
     ordered = A[np.ix_(order, order)]
     stiffness, damping = -ordered[n:, :n], -ordered[n:, n:]
-    status: Status = WITHOUT_MASSES if mass is None else "ours"
+    status: Status = "masses not known" if mass is None else "ours"
     if mass is None:
         is_symmetric = np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max()
         inverse = np.eye(n) if is_symmetric else np.linalg.inv(_real_modes(stiffness, name)[0])

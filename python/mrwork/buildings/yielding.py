@@ -17,8 +17,9 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import KNEE, Building, PassiveElement, source_with
 from mrwork.buildings.modes import modes_of
+from mrwork.buildings.passive_element import KNEE, PassiveElement
+from mrwork.buildings.plane_building import Building, source_with
 from mrwork.errors import SettingError
 
 

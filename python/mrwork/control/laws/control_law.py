@@ -19,8 +19,9 @@ from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.device import Device
 from mrwork.buildings.groups import sends_shares
-from mrwork.buildings.matrices import Building, Device
+from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec

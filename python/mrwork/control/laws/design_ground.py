@@ -9,7 +9,7 @@ import numpy as np
 from mrwork.base.numbers import of_unit
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.linear.riccati import LyapunovEquations, attempt_each
 from mrwork.control.weights.limits import LimitedOutputs, sine_force

@@ -20,8 +20,8 @@ from mrwork.base.keys import refuse_repeated
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
+from mrwork.buildings.device import Device, elongation_rows
 from mrwork.buildings.groups import largest_command, sends_shares
-from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.laws.control_law import LoopModel
 from mrwork.control.laws.counterpart import is_curve, static_counterpart
 from mrwork.control.linear.margins import LoopMargins

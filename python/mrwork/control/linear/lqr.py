@@ -15,7 +15,7 @@ from mrwork.base.hints import Within
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.plant import Outputs, Plant, check_outputs, hold_input, symmetric
 from mrwork.control.linear.riccati import (
     RiccatiStatus,

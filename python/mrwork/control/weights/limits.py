@@ -12,7 +12,7 @@ from mrwork.base.arguments import Level, Positive, checked
 from mrwork.base.keys import keys_of, positive
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.control.linear.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
 from mrwork.dampers.simulation import simulate_force, sinusoid
 from mrwork.errors import InvalidSettingError, SettingError

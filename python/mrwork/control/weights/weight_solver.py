@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import checked
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Building, Device, elongation_rows
+from mrwork.buildings.device import Device, elongation_rows
+from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.plant import Plant, deformation_rates, plant_of
 from mrwork.control.linear.riccati import solve_riccati
 from mrwork.control.weights.limits import Limit, LimitedOutputs, RmsLimits, SemiActiveCondition, as_forces
