@@ -29,11 +29,7 @@ def tower(count: int = 1) -> Building:
         mass=blocks(one.mass),
         damping=blocks(one.damping),
         stiffness=blocks(one.stiffness),
-        influence=np.ones(2 * count),
-        floors=np.eye(2 * count),
         storeys=blocks(one.storeys),
-        floor_names=tuple(f"floor {number + 1}" for number in range(2 * count)),
-        storey_names=tuple(f"storey {number + 1}" for number in range(2 * count)),
     )
 
 

@@ -27,7 +27,6 @@ from mrwork.base.values import Floats
 from mrwork.buildings.building_checks import MOST_COORDINATES
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
-    number_names,
     shear_building,
     with_base_isolation,
     with_base_isolation_of_period,
@@ -351,7 +350,8 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
         value = getattr(table, name)
         if isinstance(value, str):
             with keyed(name):
-                arrays[name] = read_matrix(folder / value)
+                read = read_matrix(folder / value)
+                arrays[name] = read.ravel() if name == "influence" else read
         elif value is not None:
             arrays[name] = np.array(value, dtype=np.float64)
     return arrays
@@ -383,8 +383,8 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
         )
     if "ground" in inputs and "influence" not in arrays:
         arrays["influence"] = -B[order[n:], inputs.index("ground")]
-    source = table.source or str(path)
-    built = partial(building_of, A, name=name, source=source, **_rows(arrays, table, n))
+    shape: dict[str, Any] = {title: arrays[title] for title in ("influence", *_ROWS) if title in arrays}
+    built = partial(building_of, A, name=name, source=table.source or str(path), **shape)
     with keyed("system"):
         building = built(mass=mass)
     forces = [number for number, input_name in enumerate(inputs) if input_name != "ground"]
@@ -404,31 +404,12 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
 
 def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:
     """Return the building with the given matrices, named by word or symbol, and the names of a table."""
-    by_title = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
+    given: dict[str, Any] = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
-        if title not in by_title:
+        if title not in given:
             names = ", ".join(matrices) or "nothing"
             sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {names}"
             raise InvalidSettingError((), sentence)
-    n = len(by_title["mass"])
-    return Building(
-        name=table.name or "building",
-        mass=by_title["mass"],
-        damping=by_title.get("damping", np.zeros((n, n))),
-        stiffness=by_title["stiffness"],
-        source=table.source or "",
-        **_rows(by_title, table, n),
-    )
-
-
-def _rows(arrays: Mapping[str, Floats], table: BuildingTable, n: int) -> dict[str, Any]:
-    """Influence, rows and names of floors and storeys; by default each coordinate is a floor."""
-    floors = arrays.get("floors", np.eye(n))
-    storeys = arrays.get("storeys", np.diff(floors, axis=0, prepend=0.0))
-    return {
-        "influence": arrays.get("influence", np.ones(n)).ravel(),
-        "floors": floors,
-        "storeys": storeys,
-        "floor_names": table.floor_names or number_names("floor", len(floors)),
-        "storey_names": table.storey_names or number_names("storey", len(storeys)),
-    }
+    if "influence" in given:
+        given["influence"] = given["influence"].ravel()
+    return Building(name=table.name or "building", source=table.source or "", **given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from itertools import groupby
 from typing import ClassVar
@@ -25,6 +26,13 @@ from mrwork.errors import SettingError
 
 # Modes that the summary shows, and floors that a notebook draws.
 _SHOWN_MODES, _MOST_DRAWN = 10, 100
+_DEFAULTS: Mapping[str, Callable[[Structure], Floats]] = {
+    "damping": lambda building: np.zeros_like(building.mass),
+    "influence": lambda building: np.ones(len(building.mass)),
+    "floors": lambda building: np.eye(len(building.mass)),
+    "storeys": lambda building: np.diff(building.floors, axis=0, prepend=0.0),
+}
+"""Arrays of a building whose coordinates are displacements of its floors, one above the other."""
 
 
 def source_with(building: Building, change: str) -> str:
@@ -45,17 +53,18 @@ class Building(Structure, Plotted, Summarised):
     Parameters
     ----------
     mass, damping, stiffness
-        M [kg], C [N s/m], K [N/m], shape (n, n).
+        M [kg], C [N s/m], K [N/m], shape (n, n); without C no damping.
     influence
-        r, the coordinates under a unit rigid-body displacement of the ground, shape (n,): ones for floor displacements.
+        r, the coordinates under a unit rigid-body displacement of the ground, shape (n,); ones by default.
     floors
         Displacement of each floor relative to the ground = floors @ q, shape (n_floors, n), lowest first; its
-        absolute acceleration = floors @ q'' + a_g.
+        absolute acceleration = floors @ q'' + a_g. By default each coordinate is a floor.
     storeys
         Drift of each storey = storeys @ q, shape (n_storeys, n), lowest first. A device across a storey is
-        elongated by the drift, and acts on the coordinates with minus its row times the force.
+        elongated by the drift, and acts on the coordinates with minus its row times the force. By default the
+        differences of the floors.
     floor_names, storey_names
-        Their names in reports.
+        Their names in reports; "floor 1", "storey 1" and so on by default.
     source, status
         Origin of the numbers; the status is "verified", "published", "ours" or "masses not known".
     n_strokes
@@ -83,9 +92,16 @@ class Building(Structure, Plotted, Summarised):
     _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        check_size(len(self.mass) if self.mass.ndim else 0, self.name)
+        n = len(self.mass) if self.mass.ndim else 0
+        check_size(n, self.name)
         for name in (*ARRAYS, "heights", "loads"):
-            object.__setattr__(self, name, freeze_samples(getattr(self, name)))
+            given = getattr(self, name)
+            is_default = n and given.shape == (0,) and name in _DEFAULTS
+            object.__setattr__(self, name, freeze_samples(_DEFAULTS[name](self) if is_default else given))
+        for noun, rows in (("floor", self.floors), ("storey", self.storeys)):
+            if not getattr(self, f"{noun}_names"):
+                names = tuple(f"{noun} {number + 1}" for number in range(len(rows) if rows.ndim else 0))
+                object.__setattr__(self, f"{noun}_names", names)
         check_form(self)
 
     def check(self) -> Building:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import checked
 from mrwork.base.values import Floats
-from mrwork.buildings.frames import number_names
 from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.buildings.passive_element import transform_elements
 from mrwork.buildings.plane_building import Building, source_with
@@ -21,18 +19,18 @@ from mrwork.errors import SettingError
 
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
 _ROUNDING: Final = 1e-8
+# What a building takes for the array that it has by default.
+_DEFAULT: Final = np.empty(0)
 
 
 def building_of(
     A: Floats,
     *,
     name: str,
-    influence: Floats,
-    floors: Floats,
-    storeys: Floats,
     mass: Floats | None = None,
-    floor_names: Sequence[str] = (),
-    storey_names: Sequence[str] = (),
+    influence: Floats = _DEFAULT,
+    floors: Floats = _DEFAULT,
+    storeys: Floats = _DEFAULT,
     source: str = "",
 ) -> Building:
     """The building of A = [0 I; -M^-1 K, -M^-1 C], perhaps in another order of its states.
@@ -80,8 +78,6 @@ def building_of(
         influence=influence,
         floors=floors,
         storeys=storeys,
-        floor_names=tuple(floor_names) or number_names("floor", len(floors)),
-        storey_names=tuple(storey_names) or number_names("storey", len(storeys)),
         source=source,
         status=status,
     )

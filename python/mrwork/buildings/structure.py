@@ -24,13 +24,13 @@ class Structure:
 
     name: str
     mass: Floats
-    damping: Floats
     stiffness: Floats
-    influence: Floats
-    floors: Floats
-    storeys: Floats
-    floor_names: tuple[str, ...]
-    storey_names: tuple[str, ...]
+    damping: Floats = field(default_factory=lambda: np.empty(0))
+    influence: Floats = field(default_factory=lambda: np.empty(0))
+    floors: Floats = field(default_factory=lambda: np.empty(0))
+    storeys: Floats = field(default_factory=lambda: np.empty(0))
+    floor_names: tuple[str, ...] = ()
+    storey_names: tuple[str, ...] = ()
     source: str = ""
     status: Status = "ours"
     n_strokes: int = 0
