@@ -8,7 +8,7 @@ from control_samples import five_storeys, plant
 from refusals import refusal
 
 from mrwork.control import Plant, optimal_surface, plant_of
-from mrwork.control.laws.sliding import SlidingGains, SlidingSurface, sliding_gains
+from mrwork.control.laws.sliding import SlidingGains, SlidingSettings, SlidingSurface
 
 
 @pytest.mark.parametrize("n_devices", [1, 2])
@@ -93,7 +93,7 @@ def excite(system: Plant, surface: SlidingSurface, gains: SlidingGains, law: str
 
 
 def gains_for(surface: SlidingSurface) -> SlidingGains:
-    return sliding_gains(surface, peak_acceleration=2.0, largest_force=3000.0)
+    return SlidingSettings(peak_acceleration=2.0, largest_force=3000.0).gains(surface)
 
 
 @pytest.mark.parametrize(("law", "bound"), [("layer", 1.0), ("adaptive", 4.0), ("twisting", 0.05)])

@@ -30,10 +30,10 @@ def ground_of(
     damping: float | None = None,
 ) -> StationaryGround:
     """The stationary ground of the motions of a problem, which keeps it."""
-    grounds, key = problem.whole._grounds, (kind, frequency, damping)
-    if key not in grounds:
-        grounds[key] = stationary_ground(problem.motions, kind, frequency=frequency, damping=damping)
-    return grounds[key]
+    return problem._keep(
+        (kind, frequency, damping),
+        lambda: stationary_ground(problem.motions, kind, frequency=frequency, damping=damping),
+    )
 
 
 def source_in_words(problem: DesignProblem) -> str:

@@ -83,14 +83,8 @@ class WeightWishes(RmsLimits):
     )
 
     def of_problem(self, problem: DesignProblem, budget_scale: float = 1.0) -> DesignedWeights:
-        """The weights for a building with its devices, with `budget_scale` times the budget.
-
-        The problem keeps them, because a search tries many sizes of R.
-        """
-        weights = problem.whole._weights
-        if (self, budget_scale) not in weights:
-            weights[self, budget_scale] = self._design(problem, budget_scale)
-        return weights[self, budget_scale]
+        """The weights for a building with its devices, with `budget_scale` times the budget; the problem keeps them."""
+        return problem._keep((self, budget_scale), lambda: self._design(problem, budget_scale))
 
     def _design(self, problem: DesignProblem, budget_scale: float) -> DesignedWeights:
         plant = problem.plant
