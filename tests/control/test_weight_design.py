@@ -164,8 +164,8 @@ def test_the_gain_is_that_of_the_weights_in_the_settings_of_a_law() -> None:
 
 def test_what_binds_has_weight_and_meets_its_limit() -> None:
     found = designed()
-    over = found.certificate.rms / found.certificate.limits / found.reachable_ratio
-    weighs = found.output_weights * found.certificate.limits**2 > 1e-4
+    over = found.certificate.rms / found.outputs.limits / found.reachable_ratio
+    weighs = found.output_weights * found.outputs.limits**2 > 1e-4
     assert 2 <= weighs.sum() < len(weighs), "choose limits of which several bind"
     np.testing.assert_allclose(over[weighs], 1.0, rtol=1e-4)
     assert len(found.binding) == weighs.sum() + 1

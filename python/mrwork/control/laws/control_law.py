@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from operator import itemgetter
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device
 from mrwork.buildings.groups import sends_shares
@@ -274,18 +275,15 @@ class ControlLaw(Summarised):
         return np.shape(values)[0] if np.ndim(values) > gain.dimensions else 1
 
     def _summary(self) -> Summary:
-        rows = [
-            (
-                name,
-                str(np.shape(value)),
-                format_rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
-            )
-            for name, value in (*self.gains.items(), *self.tables.items())
-        ]
+        columns = (
+            Column("", "number", of=itemgetter(0)),
+            Column("", "shape", of=lambda item: str(np.shape(item[1]))),
+            Column("", "largest", of=lambda item: float(np.abs(item[1]).max()), shown=format_rounded),
+        )
         return Summary(
             title=f"Control law {self.spec.title}",
             facts=(("equation", self.spec.equation), ("source", self.spec.source)),
-            tables=[Table(columns=("number", "shape", "largest"), rows=rows)],
+            tables=[Table.of(columns, (*self.gains.items(), *self.tables.items()))],
             notes=(
                 *(() if self.weights is None else self.weights.in_words),
                 *self.notes,

@@ -243,8 +243,7 @@ class CostWeights:
             W = scipy.linalg.block_diag(*(weights for _, weights in pairs))
             parts.append(weighed_outputs(stack_outputs(*(outputs for outputs, _ in pairs)), W))
         if self.state_weight is not None:
-            Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
-            parts.append(weighed_state(plant, Q))
+            parts.append(weighed_state(plant, self.state_weight))
         if not parts:
             return weighed_state(plant, (self.energy or 1.0) * plant.energy)
         if self.energy is not None:

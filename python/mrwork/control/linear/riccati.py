@@ -395,6 +395,11 @@ class LyapunovEquations:
         return symmetric(self._basis @ solution @ self._basis.T / scale)
 
 
+def mean_squares(rows: Floats, covariance: Floats) -> Floats:
+    """Mean squares of rows @ x of a covariance of x, shape (n_rows,); of tiny ones rounding leaves none negative."""
+    return np.asarray(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0.0))
+
+
 # A solution takes about this time [s] times the cube of the number of states; from so many states on, and above this
 # time [s], it is announced.
 _SECONDS = 2e-7

@@ -15,7 +15,7 @@ from mrwork.base.values import Floats
 from mrwork.buildings.device import Device, elongation_rows
 from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.plant import Plant, deformation_rates, plant_of
-from mrwork.control.linear.riccati import solve_riccati
+from mrwork.control.linear.riccati import mean_squares, solve_riccati
 from mrwork.control.weights.limits import Limit, LimitedOutputs, RmsLimits, SemiActiveCondition, as_forces
 from mrwork.control.weights.regulator import (
     DualPoint,
@@ -166,8 +166,7 @@ class _Task:
         self.level = float(np.max(whole.rms_without_control() / outputs.limits))
         self.unit, self.damping = np.ones(len(budgets)), np.zeros(len(budgets))
         if semi_active is not None:
-            rates = np.sqrt(np.einsum("ij,jk,ik->i", whole.rates, whole.uncontrolled, whole.rates))
-            self.unit = budgets / rates
+            self.unit = budgets / np.sqrt(mean_squares(whole.rates, whole.uncontrolled))
         if semi_active is not None and semi_active.damping is not None:
             damping = np.atleast_1d(semi_active.damping)
             if len(damping) not in (1, len(budgets)):
