@@ -17,7 +17,7 @@ from mrwork.base.arguments import NotNegative, Positive, Share, checked
 from mrwork.base.hints import Says, Within
 from mrwork.base.keys import check_known
 from mrwork.base.units import RATIOS
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, one_for_each
 from mrwork.buildings.building_checks import check_size
 from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.buildings.passive_element import PassiveElement, transform_elements
@@ -267,11 +267,7 @@ def with_modal_damping(
     `C = M (sum of 2 ratio omega phi phi') M` over the modes phi, normalised so that phi' M phi = 1.
     """
     omega, modes = modes_of(building.check().mass, building.stiffness)
-    if len(ratios) not in (1, omega.size):
-        raise SettingError(
-            f"building {building.name}: {len(ratios)} damping ratios for {omega.size} modes; give one, or one for each"
-        )
-    of_modes = np.broadcast_to(np.asarray(ratios, dtype=np.float64), omega.shape)
+    of_modes = one_for_each("ratios", np.squeeze(np.array(ratios)), omega.size, "mode")
     for space in spaces_of(omega**2):
         if np.ptp(of_modes[space]):
             raise SettingError(

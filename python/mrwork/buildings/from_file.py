@@ -23,7 +23,7 @@ from mrwork.base.keys import Arguments, keys_of, optional, positive
 from mrwork.base.numbers import counted
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.summary import named
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, one_for_each
 from mrwork.buildings.building_checks import MOST_COORDINATES
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
@@ -325,18 +325,12 @@ def _shear(table: BuildingTable) -> Building:
 def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     """Return one number per floor or storey; a single number is repeated `n_storeys` times."""
     values: tuple[float, ...] = getattr(table, name) or ()
-    count = table.n_storeys
-    if count is None or not values:
+    if table.n_storeys is None or not values:
         return values
-    if len(values) not in (1, count):
-        raise InvalidSettingError(
-            name, f"{name} has {len(values)} numbers for {count} storeys; give one, or one for each"
-        )
-    return values * count if len(values) == 1 else values
+    return tuple(one_for_each(name, np.squeeze(values), table.n_storeys, "storey").tolist())
 
 
 def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
-    """The building with other matrices, if there are any."""
     if not arrays:
         return building
     status = "ours" if building.knows_masses else building.status
@@ -403,7 +397,6 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
 
 
 def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:
-    """Return the building with the given matrices, named by word or symbol, and the names of a table."""
     given: dict[str, Any] = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
         if title not in given:

@@ -48,15 +48,9 @@ def groups_of(devices: Sequence[Device]) -> list[list[int]]:
 
 
 def commands_of(devices: Sequence[Device], command: float | Sequence[float], name: str = "command") -> Floats:
-    """Commands of devices that a law commands [A or V], shape (n_devices,).
+    """Commands of devices that a law commands [A or V], shape (n_devices,); refused by this `name`.
 
     One number holds for all devices, each limited to its largest command; several numbers are one for each device.
-
-    Raises
-    ------
-    InvalidSettingError
-        With this `name`, if there are not as many commands as devices, one is beyond the largest, or one is to be that
-        of devices of both units.
     """
     if not devices:
         return np.empty(0)

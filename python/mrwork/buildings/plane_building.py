@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
 from itertools import groupby
 from typing import ClassVar
 
@@ -22,7 +21,7 @@ from mrwork.buildings.building_checks import ARRAYS, check_form, check_motion, c
 from mrwork.buildings.building_remarks import MOST_QUESTIONED, asked_of
 from mrwork.buildings.modes import Modes, damping_remarks, modes_of, settle_shapes
 from mrwork.buildings.structure import Structure
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, UnknownNameError
 
 # Modes that the summary shows, and floors that a notebook draws.
 _SHOWN_MODES, _MOST_DRAWN = 10, 100
@@ -88,8 +87,6 @@ class Building(Structure, Plotted, Summarised):
     """
 
     _made_by: ClassVar[str] = "mr.building(name) or mr.buildings.read_building(path)"
-
-    _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         n = len(self.mass) if self.mass.ndim else 0
@@ -215,8 +212,25 @@ class Building(Structure, Plotted, Summarised):
         E = np.concatenate([np.zeros(n), -self.influence])
         return A, B, E
 
+    @checked
+    def storey_row(self, storey: int | str) -> Floats:
+        """Row of a storey, shape (n,), by its number from 1 or by its name."""
+        return np.asarray(self.storeys[self._storey(storey)])
+
+    @checked
+    def floor_row(self, floor: int | str) -> Floats:
+        """Row of a floor, shape (n,), by its number from 1 or by its name."""
+        return np.asarray(self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")])
+
+    @checked
+    def storey_name(self, storey: int | str) -> str:
+        """Name of the storey of a number from 1 or of a name; refused where the building has none."""
+        return self.storey_names[self._storey(storey)]
+
+    def _storey(self, storey: int | str) -> int:
+        return _index(storey, self.storey_names, f"{self.name}: there is no storey")
+
     def _modal(self, most: int | None = None) -> Modes:
-        """All modes, or the lowest ones."""
         omega, shapes = modes_of(self.check().mass, self.stiffness, most)
         moved = self.mass @ self.influence
         shapes = settle_shapes(omega, shapes, self.damping, moved)
@@ -268,3 +282,14 @@ def _listed(values: Floats, unit: str) -> str:
     texts = [format_rounded(float(value)) for value in values]
     runs = [(text, len(list(same))) for text, same in groupby(texts)]
     return f"{', '.join(text if n == 1 else f'{n} x {text}' for text, n in runs)} {unit}" if texts else ""
+
+
+def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
+    """Index of a row given by name or by number from 1."""
+    if isinstance(key, str) and key in names:
+        return names.index(key)
+    if isinstance(key, int) and not isinstance(key, bool) and 1 <= key <= len(names):
+        return key - 1
+    raise UnknownNameError(
+        f"{refusal} {key!r}; give a number from 1 to {len(names)} or one of {', '.join(names)}"
+    )

@@ -39,19 +39,8 @@ def building_of(
     Without `mass`, M = (phi phi')^-1 is used, where phi are the modes of M^-1 K with unit length; it makes K symmetric,
     and is the unit matrix if M^-1 K is symmetric already. The response to a ground acceleration does not depend on this
     choice. The effect of a force does: its row is `-(M b)'`, where b is the lower half of its column of B. The building
-    then has the status that its masses are not known.
-
-    Parameters
-    ----------
-    influence, floors, storeys
-        As in `Building`; the influence is minus the lower half of the column of B for the ground acceleration.
-    mass
-        M [kg], shape (n / 2, n / 2).
-
-    Raises
-    ------
-    SettingError
-        If A has another form, or no mass makes K symmetric, or the given one does not.
+    then has the status that its masses are not known. The influence is minus the lower half of the column of B for the
+    ground acceleration.
     """
     order, n = order_of_states(A, name), len(A) // 2
     ordered = A[np.ix_(order, order)]
@@ -84,13 +73,7 @@ def building_of(
 
 
 def order_of_states(A: Floats, name: str) -> NDArray[np.intp]:
-    """States in the order [q; q'], shape (n,): the row of a displacement in A is 1 at its rate and 0 elsewhere.
-
-    Raises
-    ------
-    SettingError
-        If the states are no displacements and their rates.
-    """
+    """States in the order [q; q'], shape (n,): the row of a displacement in A is 1 at its rate and 0 elsewhere."""
     rates = np.abs(A).argmax(axis=1) if A.size else np.empty(0, dtype=np.intp)
     displacements = np.flatnonzero(np.abs(A - np.eye(len(A))[rates]).max(axis=1, initial=0.0) <= _ROUNDING)
     order = np.concatenate([displacements, rates[displacements]])
@@ -108,11 +91,6 @@ def mass_of_forces(A: Floats, B: Floats, rows: Floats, name: str) -> Floats:
 
     With the modes phi of M^-1 K, `M = phi^-T diag(d) phi^-1`, and d follows from the forces in each mode, which resist
     or push.
-
-    Raises
-    ------
-    SettingError
-        If no force moves some mode, or no mass agrees with the forces.
     """
     order, n = order_of_states(A, name), len(A) // 2
     modes, spaces = _real_modes(-A[np.ix_(order[n:], order[:n])], name)

@@ -7,10 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from mrwork.base.arguments import NotNegative, checked
+from mrwork.base.arguments import NotNegative
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.passive_element import PassiveElement
-from mrwork.errors import UnknownNameError
 
 Status = Literal["verified", "published", "ours", "masses not known"]
 """Origin of the numbers of a building; the masses of a state space without M are not known."""
@@ -20,7 +19,7 @@ _DECIMALS, _CHAIN = 12, 1e-9
 
 @array_dataclass(repr=False)
 class Structure:
-    """What `Building` is made of, apart from its modes and the checks on it."""
+    """What `Building` has without its modes, and what its checks and remarks look at."""
 
     name: str
     mass: Floats
@@ -38,6 +37,7 @@ class Structure:
     heights: Floats = field(default_factory=lambda: np.empty(0))
     loads: Floats = field(default_factory=lambda: np.empty(0))
     drift_limit: NotNegative = 0.0
+    _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
 
     @property
     def n_coordinates(self) -> int:
@@ -179,32 +179,3 @@ class Structure:
     def total_mass(self) -> float:
         """Mass in rigid-body motion with the ground: r' M r [kg]."""
         return float(self.influence @ self.mass @ self.influence)
-
-    @checked
-    def storey_row(self, storey: int | str) -> Floats:
-        """Row of a storey, shape (n,), by its number from 1 or by its name."""
-        return np.asarray(self.storeys[self._storey(storey)])
-
-    @checked
-    def floor_row(self, floor: int | str) -> Floats:
-        """Row of a floor, shape (n,), by its number from 1 or by its name."""
-        return np.asarray(self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")])
-
-    @checked
-    def storey_name(self, storey: int | str) -> str:
-        """Name of the storey of a number from 1 or of a name; refused where the building has none."""
-        return self.storey_names[self._storey(storey)]
-
-    def _storey(self, storey: int | str) -> int:
-        return _index(storey, self.storey_names, f"{self.name}: there is no storey")
-
-
-def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
-    """Index of a row given by name or by number from 1."""
-    if isinstance(key, str) and key in names:
-        return names.index(key)
-    if isinstance(key, int) and not isinstance(key, bool) and 1 <= key <= len(names):
-        return key - 1
-    raise UnknownNameError(
-        f"{refusal} {key!r}; give a number from 1 to {len(names)} or one of {', '.join(names)}"
-    )

@@ -11,12 +11,12 @@ import numpy as np
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Says, Within
-from mrwork.base.numbers import counted, format_rounded, significant
+from mrwork.base.numbers import format_rounded, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats, array_dataclass, one_for_each
 from mrwork.buildings.modes import modes_of
 from mrwork.buildings.passive_element import KNEE, PassiveElement
 from mrwork.buildings.plane_building import Building, source_with
@@ -77,13 +77,14 @@ def with_storeys_that_yield(
         raise SettingError("yield_drift_ratio stands on heights; give height or heights in [building]")
     count = len(stiffnesses)
     ((name, value),) = ((name, value) for name, value in settings.items() if value is not None)
-    drifts = _of_each(name, value, count)
+    drifts, ratios, knees = (
+        one_for_each(each, np.squeeze(np.array(given)), count, "storey")
+        for each, given in ((name, value), ("post_yield_ratio", post_yield_ratio), ("sharpness", sharpness))
+    )
     if yield_drift_ratio is not None:
         drifts = drifts * building.drift_heights
     elif yield_shear is not None:
         drifts = drifts / stiffnesses
-    ratios = _of_each("post_yield_ratio", post_yield_ratio, count)
-    knees = _of_each("sharpness", sharpness, count)
     loops = tuple(
         PassiveElement(
             name=f"{building.storey_names[storey]}, which yields",
@@ -141,16 +142,6 @@ def with_factors(
         stiffness=stiffness * building.stiffness,
         elements=tuple(changed(element) for element in building.elements),
     )
-
-
-def _of_each(name: str, value: float | Sequence[float] | None, count: int) -> Floats:
-    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    if numbers.shape not in ((1,), (count,)):
-        raise SettingError(
-            f"{name} has {counted(numbers.size, 'number')} for {counted(count, 'storey')}; give one for all, or one "
-            "for each"
-        )
-    return np.broadcast_to(numbers, count).copy()
 
 
 @checked

@@ -47,11 +47,6 @@ class GainSpec:
     numbers: int
     description: str
 
-    @property
-    def dimensions(self) -> int:
-        """Number of axes of the gain of one candidate."""
-        return len(self.shape_for(1, 2))
-
     def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
         if self.shape == "loop":
@@ -264,15 +259,12 @@ class ControlLaw(Summarised):
 
     def table_rows(self) -> list[Floats]:
         """The tables, each flattened, in the order of `spec.tables`."""
-        return [
-            np.ascontiguousarray(np.ravel(np.asarray(self.tables[name], dtype=np.float64)))
-            for name in self.spec.tables
-        ]
+        return [np.array(self.tables[name], dtype=np.float64).ravel() for name in self.spec.tables]
 
     def _candidates(self, gain: GainSpec) -> int:
         """Number of candidates of a gain; 1 if it is the same for all."""
         values = self.gains[gain.name]
-        return np.shape(values)[0] if np.ndim(values) > gain.dimensions else 1
+        return np.shape(values)[0] if np.ndim(values) > len(gain.shape_for(1, 2)) else 1
 
     def _summary(self) -> Summary:
         columns = (
@@ -297,8 +289,11 @@ def control_laws() -> tuple[ControlLawSpec, ...]:
     """Every control law, in the order of the registry."""
     return tuple(
         ControlLawSpec(
-            **{**entry, "tables": tuple(entry["tables"])}
-            | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])}
+            **entry
+            | {
+                "tables": tuple(entry["tables"]),
+                "gains": tuple(GainSpec(**gain) for gain in entry["gains"]),
+            }
         )
         for entry in _rust.control_laws()
     )

@@ -39,15 +39,11 @@ def ground_of(
 
 def source_in_words(problem: DesignProblem) -> str:
     """Which motions the ground of a design is fitted to."""
-    number = len(problem.motions)
-    several = "" if number == 1 else "s"
-    counted = "" if number == 1 else f"{number} "
-    if not problem.judged:
-        return f"fitted to the strong part{several} of the {counted}training motion{several}"
-    return (
-        f"fitted to the strong part{several} of the {counted}motion{several} on which the laws are judged, too, since "
-        "none is for training"
-    )
+    count = len(problem.motions)
+    part, motions = ("part", "") if count == 1 else ("parts", f"{count} ")
+    motions += f"{'' if problem.judged else 'training '}motion{'' if count == 1 else 's'}"
+    judged = " on which the laws are judged, too, since none is for training" if problem.judged else ""
+    return f"fitted to the strong {part} of the {motions}{judged}"
 
 
 def shaken_system(problem: DesignProblem, spectrum: SpectralDensity) -> DesignSystem:

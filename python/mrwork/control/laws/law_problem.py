@@ -178,15 +178,16 @@ class DesignProblem(Summarised):
 def unlike_first(problem: DesignProblem) -> tuple[str, ...]:
     """A sentence where dampers differ from the first, whose force a law knows."""
     first = problem.devices[0]
-
-    def same(device: Device) -> bool:
-        return device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
-
-    others = [device.name for device in problem.devices if not same(device)]
-    sentence = (
-        f"It knows the force of {first.name} alone, and takes it for the force of {list_names(others)} too."
+    others = [
+        device.name
+        for device in problem.devices
+        if device.spec != first.spec or not np.array_equal(device.draws[0], first.draws[0])
+    ]
+    if not others:
+        return ()
+    return (
+        f"It knows the force of {first.name} alone, and takes it for the force of {list_names(others)} too.",
     )
-    return (sentence,) if others else ()
 
 
 @array_dataclass(repr=False)

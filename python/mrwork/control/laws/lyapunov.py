@@ -12,7 +12,7 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.keys import key, positive
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.laws.law_problem import Design, DesignProblem, SolvedSettings, Span
+from mrwork.control.laws.law_problem import Design, DesignProblem, Span
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import Regulator, Weights, regulators_of_costs
 from mrwork.control.linear.plant import Plant
@@ -80,7 +80,7 @@ def _lyapunov_functions(
 
 
 @checked
-class LyapunovSettings(CostWeights, SolvedSettings):
+class LyapunovSettings(CostWeights):
     """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
 
     Weights of accelerations act on the accelerations without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for any

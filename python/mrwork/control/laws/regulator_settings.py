@@ -17,7 +17,6 @@ from mrwork.control.laws.law_problem import (
     Design,
     DesignProblem,
     Magnitude,
-    SolvedSettings,
     Span,
 )
 from mrwork.control.laws.weights import CostWeights
@@ -35,7 +34,7 @@ from mrwork.errors import InvalidSettingError, SettingError
 
 
 @checked
-class RegulatorSettings(CostWeights, SolvedSettings):
+class RegulatorSettings(CostWeights):
     """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
 
     is_regulator: ClassVar[bool] = True
@@ -55,7 +54,7 @@ class RegulatorSettings(CostWeights, SolvedSettings):
     )
 
     def __post_init__(self) -> None:
-        SolvedSettings.__post_init__(self)
+        CostWeights.__post_init__(self)
         if self.gain is None and self.control_weight is None:
             entry = next(entry for entry in keys_of(type(self)) if entry.name == "control_weight")
             raise SettingError(f"the law has no control_weight; give {entry.in_words}")
@@ -188,7 +187,6 @@ _DECADES = 31
 
 
 def _power(factor: float) -> str:
-    """A factor to the nearest power of ten."""
     return f"1e{max(1, round(float(np.log10(factor))))}"
 
 

@@ -73,7 +73,7 @@ def optimal_surface(plant: Plant) -> SlidingSurface:
     Q, size = back.T @ plant.energy @ back, len(A)
     rest = slice(None, size - n_moved)
     moved = slice(size - n_moved, None)
-    gain, _ = solve_riccati(
+    F, _ = solve_riccati(
         A[rest, rest],
         A[rest, moved],
         Q[rest, rest],
@@ -81,7 +81,14 @@ def optimal_surface(plant: Plant) -> SlidingSurface:
         Q[rest, moved],
         scaling=np.eye(size - n_moved),
     )
-    return _surface(plant, back, A, gain)
+    rows = np.hstack([F, np.eye(n_moved)]) @ np.linalg.inv(back)
+    S = np.linalg.solve(rows @ plant.B, rows)
+    return SlidingSurface(
+        S=S,
+        drift=S @ plant.A,
+        ground=S @ plant.E,
+        poles=np.linalg.eigvals(A[rest, rest] - A[rest, moved] @ F).astype(np.complex128),
+    )
 
 
 def _regular_form(plant: Plant) -> tuple[Floats, Floats, int]:
@@ -97,19 +104,6 @@ def _regular_form(plant: Plant) -> tuple[Floats, Floats, int]:
         )
     back = plant.scaling @ np.hstack([orthogonal[:, n_moved:], orthogonal[:, :n_moved]])
     return back, np.linalg.solve(back, plant.A @ back), n_moved
-
-
-def _surface(plant: Plant, back: Floats, A: Floats, F: Floats) -> SlidingSurface:
-    """The surface x_2 = -F x_1, as rows over the state."""
-    n_rest = F.shape[1]
-    plain = np.hstack([F, np.eye(len(F))]) @ np.linalg.inv(back)
-    S = np.linalg.solve(plain @ plant.B, plain)
-    return SlidingSurface(
-        S=S,
-        drift=S @ plant.A,
-        ground=S @ plant.E,
-        poles=np.linalg.eigvals(A[:n_rest, :n_rest] - A[:n_rest, n_rest:] @ F).astype(np.complex128),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

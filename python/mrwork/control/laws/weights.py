@@ -18,7 +18,7 @@ from mrwork.base.keys import key, keys_of, optional, positive
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.control.laws.design_ground import damper_forces, forces_in_words, ground_of, source_in_words
-from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, Span
+from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, SolvedSettings, Span
 from mrwork.control.linear.lqr import Weighed, Weights, weighed_outputs, weighed_state, weight_matrix
 from mrwork.control.linear.plant import (
     Outputs,
@@ -108,7 +108,6 @@ class WeightWishes(RmsLimits):
         return replace(designed, origin=(ground, budget))
 
     def _budgets(self, problem: DesignProblem, spectrum: SpectralDensity) -> tuple[Floats, str]:
-        """The budget of each device [N], and a sentence on it."""
         if self.budget is not None:
             forces = as_forces(self.budget, problem.plant)
             return forces, f"Budget: {_newtons(forces)} rms, as given."
@@ -170,7 +169,6 @@ class WeightWishes(RmsLimits):
 
 
 def _newtons(forces: Floats) -> str:
-    """Forces with their unit, one where all are equal."""
     return ", ".join(dict.fromkeys(of_unit(float(force), "N") for force in forces))
 
 
@@ -185,7 +183,7 @@ def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, f
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CostWeights:
+class CostWeights(SolvedSettings):
     """Weights of outputs and state; what several of them add to the cost is summed.
 
     Each weight is one number for all floors, storeys, devices or states, one for each, or a symmetric matrix; without
@@ -279,7 +277,7 @@ class CostWeights:
     @classmethod
     def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:
         """Cost of the weights among held settings at these magnitudes; weights of single floors are averaged."""
-        weights = {name: value for name, value in held.items() if name in cls.weight_names()}
+        weights = cls.weights_among(held)
         if "designed" in weights:
             # Of these weights R is 1 as designed.
             return magnitudes.force**2

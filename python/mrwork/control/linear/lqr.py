@@ -14,7 +14,7 @@ from mrwork.base.arguments import NotNegative, Positive, Threads, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats, array_dataclass, one_for_each
 from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.plant import Outputs, Plant, check_outputs, hold_input, symmetric
 from mrwork.control.linear.riccati import (
@@ -97,7 +97,7 @@ class Weighed:
     are weighed.
     """
 
-    _made_by: ClassVar[str] = "the `weighed` of mr.control.RegulatorSettings"
+    _made_by: ClassVar[str] = "the `weigh_outputs` of mr.control.RegulatorSettings"
 
     Q: Floats
     N: Floats
@@ -373,20 +373,17 @@ def observer_of(
         If an undamped mode is not observable.
     """
     check_outputs(plant, measurements)
-    n_measurements = len(measurements.names)
-    noise = np.asarray(1.0 / 50.0 if noise_intensity is None else noise_intensity, dtype=np.float64)
-    if n_measurements == 0 or noise.shape not in ((), (n_measurements,)):
-        raise SettingError(
-            f"`noise_intensity` has shape {noise.shape} for {n_measurements} measurements; "
-            f"give one number for each of one or more measurements"
-        )
+    if not measurements.names:
+        raise SettingError("there is no measurement; give one or more")
+    intensities = 1.0 / 50.0 if noise_intensity is None else noise_intensity
+    noise = one_for_each("noise_intensity", intensities, len(measurements.names), "measurement")
     T, ground = plant.scaling, 1.0 / sample_time
     inputs = np.column_stack([plant.B, plant.E])
     slope, pushed = (np.linalg.solve(T, matrix).astype(np.float64) for matrix in (plant.A @ T, inputs))
     F_z, held = hold_input(slope, pushed, sample_time)
     Ad, Bd, Ed = T @ F_z @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
     # The Riccati equation is solved in z, with sensors scaled by their noise.
-    deviation = np.sqrt(np.broadcast_to(noise, n_measurements) / sample_time)
+    deviation = np.sqrt(noise / sample_time)
     A_z = np.linalg.solve(T, Ad @ T)
     E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
     C_z = measurements.C @ T / deviation[:, None]

@@ -279,7 +279,6 @@ class _SampledLoop:
 def _margins(
     name: str, sample_time: float, transfer: Callable[[Floats], Complexes], angles: Floats
 ) -> DeviceMargins:
-    """The margins of a loop by its transfer function over angles of z."""
     L = transfer(angles)
     to_hertz = 1.0 / (2.0 * np.pi * sample_time)
     crossings = list(_roots(lambda angle: float(transfer(np.array(angle)).imag), angles, L.imag))
