@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -40,7 +40,6 @@ class DeviceMargins(Summarised):
     """
 
     _made_by: ClassVar[str] = "mr.control.loop_margins(plant, gain)"
-    _units: ClassVar[Mapping[str, str]] = {"phase": "degrees", "delay": "s"}
 
     device: str
     gain_up: float
