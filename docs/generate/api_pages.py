@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from functools import cache
 from types import ModuleType
@@ -180,5 +180,22 @@ def _page(public: PublicName) -> str:
         described = f".. autodata:: {public.full}\n   :no-value:"
     else:
         is_error = inspect.isclass(public.value) and issubclass(public.value, BaseException)
-        described = f".. {'autoexception' if is_error else 'autoclass'}:: {public.full}\n   :members:"
+        members = _members(public.value) if inspect.isclass(public.value) else ""
+        described = (
+            f".. {'autoexception' if is_error else 'autoclass'}:: {public.full}\n   :members:{members}"
+        )
     return document(f"# {code(public.name)}", fenced("{eval-rst}", described))
+
+
+def _members(kind: type) -> str:
+    """Members by name where a part of the class is a data class without a page of its own; all own ones otherwise."""
+    parts = [
+        base for base in kind.__mro__[1:] if is_dataclass(base) and base.__name__ not in described_names()
+    ]
+    names = [
+        name
+        for part in (kind, *parts)
+        for name, member in vars(part).items()
+        if name[0] != "_" and (inspect.isroutine(member) or isinstance(member, property))
+    ]
+    return f" {', '.join(dict.fromkeys(names))}" if parts else ""

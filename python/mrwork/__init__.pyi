@@ -18,9 +18,9 @@ from ._rust import __version__ as __version__
 from .base.progress import Progress as Progress
 from .base.progress import show_progress as show_progress
 from .base.remark import Remark as Remark
+from .buildings.device import Device as Device
 from .buildings.frames import building as building
-from .buildings.matrices import Building as Building
-from .buildings.matrices import Device as Device
+from .buildings.plane_building import Building as Building
 from .closed_loop.hardware import Hardware as Hardware
 from .closed_loop.responses import Responses as Responses
 from .closed_loop.simulate import simulate_loop as simulate_loop

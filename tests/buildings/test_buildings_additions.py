@@ -161,13 +161,7 @@ def test_sadeks_tuning_damps_both_modes_alike() -> None:
     optimum, ratio = TUNINGS["sadek"](mu, beta)
     # By hand, with sqrt(0.05 / 1.05) = 0.21822.
     assert (optimum, ratio) == pytest.approx((0.94822, 0.23727), rel=1e-4)
-    both = with_tuned_mass(
-        single,
-        floor=1,
-        mass=mu,
-        frequency=optimum / (2.0 * np.pi),
-        ratio=ratio,
-    )
+    both = with_tuned_mass(single, floor=1, mass=mu, frequency=optimum / (2.0 * np.pi), ratio=ratio)
     ratios = -both.poles.real / np.abs(both.poles)
     # The published rule is a fit: the two ratios agree within a tenth, with the mean of beta and the tuned mass ratio.
     assert ratios.min() == pytest.approx(ratios.max(), rel=0.1)

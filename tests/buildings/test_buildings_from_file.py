@@ -81,16 +81,8 @@ def test_every_way_to_write_a_building_gives_the_same(tmp_path: Path) -> None:
     (tmp_path / "files.toml").write_text(
         'mass = "folder/M.csv"\nstiffness = "folder/K.csv"\ndamping = "folder/C.csv"'
     )
-    for name in (
-        "v5.mat",
-        "v4.mat",
-        "struct.mat",
-        "folder",
-        "matrices.toml",
-        "shear.toml",
-        "other.toml",
-        "files.toml",
-    ):
+    mat, toml = ("v5", "v4", "struct"), ("matrices", "shear", "other", "files")
+    for name in ("folder", *(f"{name}.mat" for name in mat), *(f"{name}.toml" for name in toml)):
         assert_same(read_building(tmp_path / name), frame())
 
 

@@ -11,7 +11,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork import buildings
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.plane_building import Building
 from mrwork.buildings.state_space import building_of, mass_of_forces
 
 STIFFNESS = 2e6
@@ -29,11 +29,7 @@ def tower(count: int = 1) -> Building:
         mass=blocks(one.mass),
         damping=blocks(one.damping),
         stiffness=blocks(one.stiffness),
-        influence=np.ones(2 * count),
-        floors=np.eye(2 * count),
         storeys=blocks(one.storeys),
-        floor_names=tuple(f"floor {number + 1}" for number in range(2 * count)),
-        storey_names=tuple(f"storey {number + 1}" for number in range(2 * count)),
     )
 
 

@@ -76,13 +76,8 @@ def test_the_knee_of_bearings_is_passed_at_five_yield_displacements(sharpness: f
         sharpness=sharpness,
     ).elements[0]
     # w' = (1 - w^n) / x_y under a push from rest.
-    pushed = solve_ivp(
-        lambda _, w: (1.0 - w**sharpness) / lead.yield_displacement,
-        (0.0, 0.05),
-        [0.0],
-        rtol=1e-10,
-        atol=1e-12,
-    )
+    rate = 1.0 / lead.yield_displacement
+    pushed = solve_ivp(lambda _, w: (1.0 - w**sharpness) * rate, (0.0, 0.05), [0.0], rtol=1e-10, atol=1e-12)
     force = lead.stiffness * 0.05 + lead.yield_force * pushed.y[0, -1]
     assert force == pytest.approx(2e4 * 0.05 + 800.0, rel=0.01)
 

@@ -490,9 +490,6 @@ def test_the_settings_that_a_law_leaves_out_are_those_of_the_problem() -> None:
     given = design_law("predictive_rollout", design_problem(), REFERENCES)
     for name, gain in given.gains.items():
         np.testing.assert_array_equal(found.gains[name], gain)
-
-
-def test_a_forecast_is_chosen_by_name() -> None:
     still = design_law("predictive_rollout", design_problem(), {**REFERENCES, "forecast": "zero"})
     assert still.tables["forecast"][0] == 0.0
 

@@ -8,7 +8,7 @@ from control_samples import five_storeys, plant
 from refusals import refusal
 
 from mrwork.control import Plant, optimal_surface, plant_of
-from mrwork.control.laws.sliding import SlidingGains, SlidingSurface, sliding_gains
+from mrwork.control.laws.sliding import SlidingGains, SlidingSettings, SlidingSurface
 
 
 @pytest.mark.parametrize("n_devices", [1, 2])
@@ -92,8 +92,7 @@ def excite(system: Plant, surface: SlidingSurface, gains: SlidingGains, law: str
     return history
 
 
-def gains_for(surface: SlidingSurface) -> SlidingGains:
-    return sliding_gains(surface, peak_acceleration=2.0, largest_force=3000.0)
+SETTINGS = SlidingSettings(peak_acceleration=2.0, largest_force=3000.0)
 
 
 @pytest.mark.parametrize(("law", "bound"), [("layer", 1.0), ("adaptive", 4.0), ("twisting", 0.05)])
@@ -101,7 +100,7 @@ def test_an_ideal_actuator_is_brought_to_the_surface_and_held(law: str, bound: f
     """In units of the boundary: switching within it, an adapting gain near it, the super-twisting a hundredth of it."""
     system = plant()
     surface = optimal_surface(system)
-    gains = gains_for(surface)
+    gains = SETTINGS.gains(surface)
     history = excite(system, surface, gains, law)
     assert history[0] > 1.5 * gains.boundary[0]
     assert history[50_000:].max() < bound * gains.boundary[0]
@@ -109,7 +108,7 @@ def test_an_ideal_actuator_is_brought_to_the_surface_and_held(law: str, bound: f
 
 def test_gains_follow_their_formulas() -> None:
     surface = optimal_surface(plant(2, five_storeys()))
-    gains = gains_for(surface)
+    gains = SETTINGS.gains(surface)
     assert np.all(gains.switching > 2.0 * np.abs(surface.ground))
     np.testing.assert_allclose(gains.boundary * 100.0, gains.switching)
     # Levant: k_2 > L and k_1^2 > 2 L with L the bound of the slope, all of 1.2 times that of 2 m/s^2 at 5 Hz.

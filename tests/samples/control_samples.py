@@ -18,9 +18,6 @@ def frame(name: str, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarra
         mass=mass,
         damping=damping,
         stiffness=stiffness,
-        influence=np.ones(n),
-        floors=np.eye(n),
-        storeys=np.eye(n) - np.eye(n, k=-1),
         floor_names=names,
         storey_names=names,
     )

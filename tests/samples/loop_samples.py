@@ -23,7 +23,7 @@ from mrwork.control import (
     regulator_of_state,
 )
 from mrwork.control.laws.fuzzy import fuzzy_table
-from mrwork.control.laws.sliding import sliding_gains
+from mrwork.control.laws.sliding import SlidingSettings
 from mrwork.dampers import DamperSpec
 from mrwork.dampers.spec import with_changed_laws
 from mrwork.motions import GroundMotion
@@ -107,7 +107,7 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
     K = strength * regulator_of_state(plant, plant.energy, 1e-6).gain
     weight = strength * lyapunov_function(plant).vectors
     surface = optimal_surface(plant)
-    sliding = sliding_gains(surface, peak_acceleration=2.0, largest_force=1500.0)
+    sliding = SlidingSettings(peak_acceleration=2.0, largest_force=1500.0).gains(surface)
     slides = {
         "gain": strength * surface.drift,
         "surface": -strength * surface.S,

@@ -11,7 +11,10 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar, dataclass_transform
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.base.numbers import counted
+from mrwork.errors import InvalidSettingError
 
 T = TypeVar("T")
 
@@ -78,3 +81,15 @@ def freeze_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     copy = np.array(samples, dtype=np.float64, order="C")
     copy.setflags(write=False)
     return copy
+
+
+def one_for_each(name: str, given: ArrayLike | None, count: int, noun: str) -> Floats:
+    """Numbers of several places, shape (count,): one for each, or one that holds for all."""
+    numbers = np.asarray(given, dtype=np.float64)
+    if numbers.shape not in ((), (count,)):
+        raise InvalidSettingError(
+            name,
+            f"{name} has {counted(numbers.size, 'number')} for {counted(count, noun)}; give one for each, or one for "
+            "all",
+        )
+    return np.broadcast_to(numbers, (count,)).copy()

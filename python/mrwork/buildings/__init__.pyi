@@ -10,8 +10,6 @@ from .frames import with_rayleigh_coefficients as with_rayleigh_coefficients
 from .frames import with_rayleigh_damping as with_rayleigh_damping
 from .frames import with_viscous_damper as with_viscous_damper
 from .from_file import read_building as read_building
-from .matrices import Building as Building
-from .matrices import PassiveElement as PassiveElement
 from .passive_devices import with_friction_damper as with_friction_damper
 from .passive_devices import with_lead_rubber_bearings as with_lead_rubber_bearings
 from .passive_devices import with_liquid_column as with_liquid_column
@@ -19,6 +17,8 @@ from .passive_devices import with_optimal_liquid_column as with_optimal_liquid_c
 from .passive_devices import with_optimal_tuned_mass as with_optimal_tuned_mass
 from .passive_devices import with_tuned_mass as with_tuned_mass
 from .passive_devices import with_yielding_damper as with_yielding_damper
+from .passive_element import PassiveElement as PassiveElement
+from .plane_building import Building as Building
 from .state_space import modal_truncation as modal_truncation
 from .yielding import Pushover as Pushover
 from .yielding import pushover as pushover

@@ -17,16 +17,12 @@ from mrwork.base.arguments import NotNegative, Positive, Share, checked
 from mrwork.base.hints import Says, Within
 from mrwork.base.keys import check_known
 from mrwork.base.units import RATIOS
-from mrwork.base.values import Floats
-from mrwork.buildings.matrices import (
-    Building,
-    PassiveElement,
-    Status,
-    check_size,
-    source_with,
-    transform_elements,
-)
+from mrwork.base.values import Floats, one_for_each
+from mrwork.buildings.building_checks import check_size
 from mrwork.buildings.modes import modes_of, spaces_of
+from mrwork.buildings.passive_element import PassiveElement, transform_elements
+from mrwork.buildings.plane_building import Building, source_with
+from mrwork.buildings.structure import Status
 from mrwork.errors import SettingError
 
 Storey = Annotated[int | str, Says("number of the storey from 1, or its name")]
@@ -72,24 +68,21 @@ def shear_building(
     3.0
     """
     n = len(masses)
-    check_size(n, f"building {name}")
+    check_size(n, name)
     damping = tuple(storey_damping) or (0.0,) * n
     for title, values in (("stiffnesses", stiffnesses), ("storey_damping", damping)):
         if len(values) != n:
             raise SettingError(
                 f"building {name}: {len(values)} {title} for {n} masses; give one for each storey"
             )
-    storeys = _floor_differences(n)
+    storeys = np.eye(n) - np.eye(n, k=-1)
     return Building(
         name=name,
         mass=np.diag(np.asarray(masses, dtype=np.float64)),
         damping=chain(storeys, damping),
         stiffness=chain(storeys, stiffnesses),
-        influence=np.ones(n),
-        floors=np.eye(n),
-        storeys=storeys,
-        floor_names=tuple(floor_names) or number_names("floor", n),
-        storey_names=tuple(storey_names) or number_names("storey", n),
+        floor_names=tuple(floor_names),
+        storey_names=tuple(storey_names),
         source=source,
         status=status,
         heights=np.array(heights, dtype=np.float64),
@@ -117,16 +110,6 @@ def chain(storeys: Floats, values: Sequence[float]) -> Floats:
         return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
 
 
-def _floor_differences(n_floors: int) -> Floats:
-    """Matrix from floor displacements to storey drifts, shape (n_floors, n_floors)."""
-    return np.eye(n_floors) - np.eye(n_floors, k=-1)
-
-
-def number_names(noun: str, count: int) -> tuple[str, ...]:
-    """Default names of floors or storeys: "floor 1", "floor 2" and so on."""
-    return tuple(f"{noun} {number}" for number in range(1, count + 1))
-
-
 @cache
 def buildings() -> tuple[Building, ...]:
     """All published buildings."""
@@ -135,11 +118,6 @@ def buildings() -> tuple[Building, ...]:
         mass=98.3 * np.eye(3),
         damping=np.array([[175.0, -50.0, 0.0], [-50.0, 100.0, -50.0], [0.0, -50.0, 50.0]]),
         stiffness=1e5 * np.array([[12.0, -6.84, 0.0], [-6.84, 13.7, -6.84], [0.0, -6.84, 6.84]]),
-        influence=np.ones(3),
-        floors=np.eye(3),
-        storeys=_floor_differences(3),
-        floor_names=number_names("floor", 3),
-        storey_names=number_names("storey", 3),
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575; scaled three-storey frame, "
         "for records with their time axis divided by 5",
         status="verified",
@@ -168,7 +146,6 @@ def buildings() -> tuple[Building, ...]:
     half_of_sac3 = Building(
         name="sac3",
         mass=np.diag([4.7835e5, 4.7835e5, 5.1779e5]),
-        damping=np.zeros((3, 3)),
         # The source numbers the floors from the roof down.
         stiffness=np.array(
             [
@@ -177,11 +154,7 @@ def buildings() -> tuple[Building, ...]:
                 [4.21961e7, -2.39798e8, 4.40846e8],
             ]
         )[::-1, ::-1],
-        influence=np.ones(3),
-        floors=np.eye(3),
-        storeys=_floor_differences(3),
         floor_names=("floor 1", "floor 2", "roof"),
-        storey_names=number_names("storey", 3),
         source="Ohtori, Christenson, Spencer, Dyke, J. Eng. Mech. 130(4), 2004, 366-385; half of the SAC three-storey "
         "building, condensed; 2 % Rayleigh damping, in modes 1 and 3 (which modes is ours)",
         status="verified",
@@ -294,11 +267,7 @@ def with_modal_damping(
     `C = M (sum of 2 ratio omega phi phi') M` over the modes phi, normalised so that phi' M phi = 1.
     """
     omega, modes = modes_of(building.check().mass, building.stiffness)
-    if len(ratios) not in (1, omega.size):
-        raise SettingError(
-            f"building {building.name}: {len(ratios)} damping ratios for {omega.size} modes; give one, or one for each"
-        )
-    of_modes = np.broadcast_to(np.asarray(ratios, dtype=np.float64), omega.shape)
+    of_modes = one_for_each("ratios", np.squeeze(np.array(ratios)), omega.size, "mode")
     for space in spaces_of(omega**2):
         if np.ptp(of_modes[space]):
             raise SettingError(

@@ -23,10 +23,10 @@ from mrwork.base.keys import Arguments, keys_of, optional, positive
 from mrwork.base.numbers import counted
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.summary import named
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, one_for_each
+from mrwork.buildings.building_checks import MOST_COORDINATES
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
-    number_names,
     shear_building,
     with_base_isolation,
     with_base_isolation_of_period,
@@ -36,7 +36,6 @@ from mrwork.buildings.frames import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import MOST_COORDINATES, WITHOUT_MASSES, Building, PassiveElement, source_with
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -46,6 +45,8 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
+from mrwork.buildings.passive_element import PassiveElement
+from mrwork.buildings.plane_building import Building, source_with
 from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
@@ -279,7 +280,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
 
 def refuse_without_masses(building: Building) -> None:
     """Refuse dampers and additions for a building without known masses."""
-    if building.status == WITHOUT_MASSES:
+    if not building.knows_masses:
         raise InvalidSettingError(
             (),
             "A alone does not say what a force does, and the building has dampers or additions; give M in the file, or "
@@ -324,21 +325,15 @@ def _shear(table: BuildingTable) -> Building:
 def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     """Return one number per floor or storey; a single number is repeated `n_storeys` times."""
     values: tuple[float, ...] = getattr(table, name) or ()
-    count = table.n_storeys
-    if count is None or not values:
+    if table.n_storeys is None or not values:
         return values
-    if len(values) not in (1, count):
-        raise InvalidSettingError(
-            name, f"{name} has {len(values)} numbers for {count} storeys; give one, or one for each"
-        )
-    return values * count if len(values) == 1 else values
+    return tuple(one_for_each(name, np.squeeze(values), table.n_storeys, "storey").tolist())
 
 
 def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
-    """The building with other matrices, if there are any."""
     if not arrays:
         return building
-    status = building.status if building.status == WITHOUT_MASSES else "ours"
+    status = "ours" if building.knows_masses else building.status
     source = source_with(building, f"{', '.join(arrays)} replaced")
     return replace(building, **arrays, status=status, source=source)
 
@@ -349,7 +344,8 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
         value = getattr(table, name)
         if isinstance(value, str):
             with keyed(name):
-                arrays[name] = read_matrix(folder / value)
+                read = read_matrix(folder / value)
+                arrays[name] = read.ravel() if name == "influence" else read
         elif value is not None:
             arrays[name] = np.array(value, dtype=np.float64)
     return arrays
@@ -381,8 +377,8 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
         )
     if "ground" in inputs and "influence" not in arrays:
         arrays["influence"] = -B[order[n:], inputs.index("ground")]
-    source = table.source or str(path)
-    built = partial(building_of, A, name=name, source=source, **_rows(arrays, table, n))
+    shape: dict[str, Any] = {title: arrays[title] for title in ("influence", *_ROWS) if title in arrays}
+    built = partial(building_of, A, name=name, source=table.source or str(path), **shape)
     with keyed("system"):
         building = built(mass=mass)
     forces = [number for number, input_name in enumerate(inputs) if input_name != "ground"]
@@ -401,32 +397,12 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
 
 
 def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:
-    """Return the building with the given matrices, named by word or symbol, and the names of a table."""
-    by_title = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
+    given: dict[str, Any] = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
-        if title not in by_title:
+        if title not in given:
             names = ", ".join(matrices) or "nothing"
             sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {names}"
             raise InvalidSettingError((), sentence)
-    n = len(by_title["mass"])
-    return Building(
-        name=table.name or "building",
-        mass=by_title["mass"],
-        damping=by_title.get("damping", np.zeros((n, n))),
-        stiffness=by_title["stiffness"],
-        source=table.source or "",
-        **_rows(by_title, table, n),
-    )
-
-
-def _rows(arrays: Mapping[str, Floats], table: BuildingTable, n: int) -> dict[str, Any]:
-    """Influence, rows and names of floors and storeys; by default each coordinate is a floor."""
-    floors = arrays.get("floors", np.eye(n))
-    storeys = arrays.get("storeys", np.diff(floors, axis=0, prepend=0.0))
-    return {
-        "influence": arrays.get("influence", np.ones(n)).ravel(),
-        "floors": floors,
-        "storeys": storeys,
-        "floor_names": table.floor_names or number_names("floor", len(floors)),
-        "storey_names": table.storey_names or number_names("storey", len(storeys)),
-    }
+    if "influence" in given:
+        given["influence"] = given["influence"].ravel()
+    return Building(name=table.name or "building", source=table.source or "", **given)

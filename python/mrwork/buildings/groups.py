@@ -10,7 +10,7 @@ import numpy as np
 
 from mrwork.base.numbers import counted
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.errors import InvalidSettingError, SettingError
 
 BOTH_UNITS = "A and V"
@@ -48,15 +48,9 @@ def groups_of(devices: Sequence[Device]) -> list[list[int]]:
 
 
 def commands_of(devices: Sequence[Device], command: float | Sequence[float], name: str = "command") -> Floats:
-    """Commands of devices that a law commands [A or V], shape (n_devices,).
+    """Commands of devices that a law commands [A or V], shape (n_devices,); refused by this `name`.
 
     One number holds for all devices, each limited to its largest command; several numbers are one for each device.
-
-    Raises
-    ------
-    InvalidSettingError
-        With this `name`, if there are not as many commands as devices, one is beyond the largest, or one is to be that
-        of devices of both units.
     """
     if not devices:
         return np.empty(0)

@@ -51,6 +51,26 @@ class ModalDamping:
     n_free: int
 
 
+@array_dataclass()
+class Modes:
+    """Modes of a building, lowest first: circular frequencies [rad/s], shape (n,), shapes as columns, and what follows.
+
+    The shapes have shapes' M shapes = I; damping ratios are infinite or NaN for a mode without stiffness.
+    """
+
+    omega: Floats
+    shapes: Floats
+    damping_ratios: Floats
+    participation: Floats
+    effective_masses: Floats
+
+    @property
+    def periods(self) -> Floats:
+        """Periods [s], shape (n,); infinite of a motion without stiffness."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(2.0 * np.pi / self.omega)
+
+
 def modes_of(mass: Floats, stiffness: Floats, most: int | None = None) -> tuple[Floats, Floats]:
     """Circular frequencies [rad/s], shape (n,), lowest first, and mode shapes as columns with modes' M modes = I.
 

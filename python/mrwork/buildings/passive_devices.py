@@ -24,7 +24,8 @@ from mrwork.buildings.frames import (
     with_coordinate,
     with_element,
 )
-from mrwork.buildings.matrices import Building, PassiveElement, Sharpness, source_with
+from mrwork.buildings.passive_element import PassiveElement, Sharpness
+from mrwork.buildings.plane_building import Building, source_with
 from mrwork.errors import SettingError
 
 # Usual displacements at which devices yield [m], and masses as a share of the building's.

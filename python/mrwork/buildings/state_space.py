@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,25 +11,26 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import checked
 from mrwork.base.values import Floats
-from mrwork.buildings.frames import number_names
-from mrwork.buildings.matrices import WITHOUT_MASSES, Building, Status, source_with, transform_elements
 from mrwork.buildings.modes import modes_of, spaces_of
+from mrwork.buildings.passive_element import transform_elements
+from mrwork.buildings.plane_building import Building, source_with
+from mrwork.buildings.structure import Status
 from mrwork.errors import SettingError
 
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
 _ROUNDING: Final = 1e-8
+# What a building takes for the array that it has by default.
+_DEFAULT: Final = np.empty(0)
 
 
 def building_of(
     A: Floats,
     *,
     name: str,
-    influence: Floats,
-    floors: Floats,
-    storeys: Floats,
     mass: Floats | None = None,
-    floor_names: Sequence[str] = (),
-    storey_names: Sequence[str] = (),
+    influence: Floats = _DEFAULT,
+    floors: Floats = _DEFAULT,
+    storeys: Floats = _DEFAULT,
     source: str = "",
 ) -> Building:
     """The building of A = [0 I; -M^-1 K, -M^-1 C], perhaps in another order of its states.
@@ -39,24 +39,13 @@ def building_of(
     Without `mass`, M = (phi phi')^-1 is used, where phi are the modes of M^-1 K with unit length; it makes K symmetric,
     and is the unit matrix if M^-1 K is symmetric already. The response to a ground acceleration does not depend on this
     choice. The effect of a force does: its row is `-(M b)'`, where b is the lower half of its column of B. The building
-    then has the status that its masses are not known.
-
-    Parameters
-    ----------
-    influence, floors, storeys
-        As in `Building`; the influence is minus the lower half of the column of B for the ground acceleration.
-    mass
-        M [kg], shape (n / 2, n / 2).
-
-    Raises
-    ------
-    SettingError
-        If A has another form, or no mass makes K symmetric, or the given one does not.
+    then has the status that its masses are not known. The influence is minus the lower half of the column of B for the
+    ground acceleration.
     """
     order, n = order_of_states(A, name), len(A) // 2
     ordered = A[np.ix_(order, order)]
     stiffness, damping = -ordered[n:, :n], -ordered[n:, n:]
-    status: Status = WITHOUT_MASSES if mass is None else "ours"
+    status: Status = "masses not known" if mass is None else "ours"
     if mass is None:
         is_symmetric = np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max()
         inverse = np.eye(n) if is_symmetric else np.linalg.inv(_real_modes(stiffness, name)[0])
@@ -78,21 +67,13 @@ def building_of(
         influence=influence,
         floors=floors,
         storeys=storeys,
-        floor_names=tuple(floor_names) or number_names("floor", len(floors)),
-        storey_names=tuple(storey_names) or number_names("storey", len(storeys)),
         source=source,
         status=status,
     )
 
 
 def order_of_states(A: Floats, name: str) -> NDArray[np.intp]:
-    """States in the order [q; q'], shape (n,): the row of a displacement in A is 1 at its rate and 0 elsewhere.
-
-    Raises
-    ------
-    SettingError
-        If the states are no displacements and their rates.
-    """
+    """States in the order [q; q'], shape (n,): the row of a displacement in A is 1 at its rate and 0 elsewhere."""
     rates = np.abs(A).argmax(axis=1) if A.size else np.empty(0, dtype=np.intp)
     displacements = np.flatnonzero(np.abs(A - np.eye(len(A))[rates]).max(axis=1, initial=0.0) <= _ROUNDING)
     order = np.concatenate([displacements, rates[displacements]])
@@ -110,11 +91,6 @@ def mass_of_forces(A: Floats, B: Floats, rows: Floats, name: str) -> Floats:
 
     With the modes phi of M^-1 K, `M = phi^-T diag(d) phi^-1`, and d follows from the forces in each mode, which resist
     or push.
-
-    Raises
-    ------
-    SettingError
-        If no force moves some mode, or no mass agrees with the forces.
     """
     order, n = order_of_states(A, name), len(A) // 2
     modes, spaces = _real_modes(-A[np.ix_(order[n:], order[:n])], name)

@@ -11,14 +11,15 @@ import numpy as np
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Says, Within
-from mrwork.base.numbers import counted, format_rounded, significant
+from mrwork.base.numbers import format_rounded, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import KNEE, Building, PassiveElement, source_with
+from mrwork.base.values import Floats, array_dataclass, one_for_each
 from mrwork.buildings.modes import modes_of
+from mrwork.buildings.passive_element import KNEE, PassiveElement
+from mrwork.buildings.plane_building import Building, source_with
 from mrwork.errors import SettingError
 
 
@@ -63,7 +64,7 @@ def with_storeys_that_yield(
             f"{building.name} is no chain of floors, each on the spring of its storey, so that its matrices do not say "
             "what a storey carries; give masses and stiffnesses, or the elements themselves, as [[building.element]]"
         )
-    if any(element.in_stiffness for element in building.elements):
+    if building.loops:
         raise SettingError(
             f"the storeys of {building.name} yield already; give a building whose storeys are elastic"
         )
@@ -76,13 +77,14 @@ def with_storeys_that_yield(
         raise SettingError("yield_drift_ratio stands on heights; give height or heights in [building]")
     count = len(stiffnesses)
     ((name, value),) = ((name, value) for name, value in settings.items() if value is not None)
-    drifts = _of_each(name, value, count)
+    drifts, ratios, knees = (
+        one_for_each(each, np.squeeze(np.array(given)), count, "storey")
+        for each, given in ((name, value), ("post_yield_ratio", post_yield_ratio), ("sharpness", sharpness))
+    )
     if yield_drift_ratio is not None:
         drifts = drifts * building.drift_heights
     elif yield_shear is not None:
         drifts = drifts / stiffnesses
-    ratios = _of_each("post_yield_ratio", post_yield_ratio, count)
-    knees = _of_each("sharpness", sharpness, count)
     loops = tuple(
         PassiveElement(
             name=f"{building.storey_names[storey]}, which yields",
@@ -106,10 +108,9 @@ def with_storeys_that_yield(
 
 def elastic_frame(building: Building) -> Building:
     """The building whose storeys stay elastic, without P-delta: itself, where they do."""
-    beside = tuple(element for element in building.elements if not element.in_stiffness)
-    if len(beside) == len(building.elements) and not building.loads.any():
+    if not building.loops and not building.loads.any():
         return building
-    return replace(building, elements=beside, loads=np.empty(0))
+    return replace(building, elements=building.added, loads=np.empty(0))
 
 
 def with_factors(
@@ -141,16 +142,6 @@ def with_factors(
         stiffness=stiffness * building.stiffness,
         elements=tuple(changed(element) for element in building.elements),
     )
-
-
-def _of_each(name: str, value: float | Sequence[float] | None, count: int) -> Floats:
-    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    if numbers.shape not in ((1,), (count,)):
-        raise SettingError(
-            f"{name} has {counted(numbers.size, 'number')} for {counted(count, 'storey')}; give one for all, or one "
-            "for each"
-        )
-    return np.broadcast_to(numbers, count).copy()
 
 
 @checked
@@ -213,47 +204,29 @@ class Pushover(Plotted, Summarised):
     height: float
 
     def _summary(self) -> Summary:
-        rows = np.unique(np.linspace(0, len(self.roof) - 1, _SHOWN).round().astype(int))[1:]
-        peak = int(np.argmax(self.base_shear))
-        facts = [
-            (
-                "largest base shear",
-                f"{format_rounded(self.base_shear[peak] / 1e3)} kN at {_mm(self.roof[peak])} mm",
-            ),
-            ("over weight", significant(self.base_shear[peak] / self.weight, 3)),
-            (
-                "stiffness at the roof",
-                f"{format_rounded(float(self.base_shear[1] / self.roof[1]))} N/m at first, "
-                f"{format_rounded(float(np.diff(self.base_shear[-2:])[0] / np.diff(self.roof[-2:])[0]))} N/m at last",
-            ),
-        ]
-        tall = self.height > 0.0
-        columns = (
-            "roof [mm]",
-            *(("over height [%]",) if tall else ()),
-            "base shear [kN]",
-            "largest drift [mm]",
-            "in storey",
+        points = np.unique(np.linspace(0, len(self.roof) - 1, _SHOWN).round().astype(int))[1:].tolist()
+        peak, slopes = int(np.argmax(self.base_shear)), np.diff(self.base_shear) / np.diff(self.roof)
+        first, last = (format_rounded(float(slopes[end])) for end in (0, -1))
+        largest = (
+            f"{format_rounded(self.base_shear[peak] / 1e3)} kN at {significant(1e3 * self.roof[peak], 4)} mm"
         )
-        cells = [
-            (
-                _mm(self.roof[row]),
-                *((significant(100.0 * self.roof[row] / self.height, 3),) if tall else ()),
-                significant(self.base_shear[row] / 1e3, 4),
-                _mm(self.drifts[row].max()),
-                str(int(self.drifts[row].argmax()) + 1),
-            )
-            for row in rows
-        ]
+        over_height = 100.0 * self.roof / self.height if self.height else np.full(len(self.roof), np.nan)
+        columns = (
+            Column("", "roof", "mm", of=(1e3 * self.roof).item),
+            Column("", "over height", "%", shown=3, of=over_height.item),
+            Column("", "base shear", "kN", of=(self.base_shear / 1e3).item),
+            Column("", "largest drift", "mm", of=(1e3 * self.drifts.max(axis=1)).item),
+            Column("", "in storey", of=(1 + self.drifts.argmax(axis=1)).item),
+        )
         return Summary(
             title=f"Pushover of {self.name}, forces as {self.pattern}",
-            facts=tuple(facts),
-            tables=[Table(columns=columns, rows=cells)],
+            facts=(
+                ("largest base shear", largest),
+                ("over weight", significant(self.base_shear[peak] / self.weight, 3)),
+                ("stiffness at the roof", f"{first} N/m at first, {last} N/m at last"),
+            ),
+            tables=[Table.of(columns, points)],
         )
-
-
-def _mm(length: float) -> str:
-    return significant(1e3 * length, 4)
 
 
 @checked
@@ -292,9 +265,7 @@ def pushover(
     force = building.mass @ shape
     force = force / float(units[0] @ force)
     goal = roof if roof is not None else _far(building, force, float(levels[-1]) if heights.size else 0.0)
-    rows = np.array([element.row for element in building.elements]).reshape(
-        len(building.elements), building.n_coordinates
-    )
+    rows = np.array([element.row for element in building.elements]).reshape(-1, building.n_coordinates)
     loops = np.array([element.numbers[3:6] for element in building.elements]).reshape(-1, 3)
     stiffness, top = building.site_stiffness, floors[-1]
     q, w, load = np.zeros(building.n_coordinates), np.zeros(len(rows)), 0.0

@@ -19,8 +19,9 @@ from mrwork.base.summary import Summarised
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.base.units import unusual_number
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.building_remarks import DRIFT_RATIOS
 from mrwork.buildings.groups import BOTH_UNITS
-from mrwork.buildings.matrices import DRIFT_RATIOS, Building
+from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.responses import quantity_named
 from mrwork.errors import UnknownNameError
 

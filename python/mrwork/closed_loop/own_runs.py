@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded
-from mrwork.buildings.matrices import Building, Device
+from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws.control_law import control_laws
 

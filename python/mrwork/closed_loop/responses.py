@@ -20,8 +20,9 @@ from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.device import Device
 from mrwork.buildings.groups import BOTH_UNITS, commanded, joined_units
-from mrwork.buildings.matrices import Building, Device
+from mrwork.buildings.plane_building import Building
 from mrwork.dampers.spec import LAW_BEYOND, worst_laws
 from mrwork.dampers.tested_range import OperatingRange, Outside, least_stroke, outside_remark, worst_of
 from mrwork.errors import SettingError, UnknownNameError

@@ -20,6 +20,8 @@ from mrwork import _rust
 from mrwork.base.arguments import May, Threads, Whole, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.device import Device as Device
+from mrwork.buildings.device import elongation_rows
 from mrwork.buildings.groups import (
     commanded,
     groups_of,
@@ -27,8 +29,7 @@ from mrwork.buildings.groups import (
     refuse_rate,
     sends_shares,
 )
-from mrwork.buildings.matrices import Building, elongation_rows
-from mrwork.buildings.matrices import Device as Device
+from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin

@@ -19,7 +19,7 @@ from mrwork.base.arguments import AnyNumbers, Positive, Refusal, accept, checked
 from mrwork.base.hints import Within, node_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.store.user_python import in_words, place_of, place_raised, start_of

@@ -19,7 +19,8 @@ from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Building, Device
+from mrwork.buildings.device import Device
+from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import lacking_in_twin
 from mrwork.closed_loop.simulate import simulate_loop

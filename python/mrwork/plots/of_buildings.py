@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
 from mrwork.base.numbers import significant
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.plane_building import Building
 from mrwork.buildings.yielding import Pushover
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion

@@ -17,7 +17,7 @@ from mrwork.base.numbers import counted, round_to
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.closed_loop.responses import demand_of
 from mrwork.control.weights.limits import sine_force

@@ -19,9 +19,9 @@ from mrwork.base.summary import named
 from mrwork.base.units import DriverUnit
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
+from mrwork.buildings.device import Device
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
-from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models

@@ -12,7 +12,7 @@ import numpy as np
 from mrwork.base.summary import named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.buildings.yielding import with_factors
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.hardware import Hardware

@@ -24,9 +24,9 @@ from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.remark import Remark
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
+from mrwork.buildings.device import Device
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.groups import commanded, refuse_rate
-from mrwork.buildings.matrices import Device
 from mrwork.buildings.yielding import elastic_frame
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.hardware import Hardware

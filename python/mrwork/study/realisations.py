@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.summary import Summarised, named
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.errors import InvalidSettingError
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of

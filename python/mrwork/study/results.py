@@ -20,7 +20,7 @@ from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, Scales, Spread, criteria, criterion, searched
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.dampers.simulation import Outcome

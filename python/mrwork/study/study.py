@@ -20,8 +20,8 @@ from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
+from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, joined_units
-from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law

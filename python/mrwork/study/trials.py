@@ -26,8 +26,8 @@ from mrwork.base.remark import warnings_of
 from mrwork.base.summary import list_names, named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
+from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, largest_command, products_of, sends_shares
-from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import searched
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import command_unit_of, in_command_unit

@@ -97,7 +97,7 @@ def regulator_shapes(problem: DesignProblem, magnitudes: Magnitudes) -> list[Sha
     published = [
         ({"accelerations": entry.weights, _WEIGHT: entry.control_weight}, f"published weights {entry.name}")
         for entry in PUBLISHED_REGULATORS
-        if entry.n_floors == len(problem.building.floor_names)
+        if len(entry.weights) == len(problem.building.floor_names)
     ]
     return [
         ({"rates": 1.0}, _DASHPOTS),

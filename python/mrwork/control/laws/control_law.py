@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from operator import itemgetter
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -17,10 +18,11 @@ from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.device import Device
 from mrwork.buildings.groups import sends_shares
-from mrwork.buildings.matrices import Building, Device
+from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec
@@ -44,11 +46,6 @@ class GainSpec:
     shape: Shape
     numbers: int
     description: str
-
-    @property
-    def dimensions(self) -> int:
-        """Number of axes of the gain of one candidate."""
-        return len(self.shape_for(1, 2))
 
     def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
@@ -262,29 +259,23 @@ class ControlLaw(Summarised):
 
     def table_rows(self) -> list[Floats]:
         """The tables, each flattened, in the order of `spec.tables`."""
-        return [
-            np.ascontiguousarray(np.ravel(np.asarray(self.tables[name], dtype=np.float64)))
-            for name in self.spec.tables
-        ]
+        return [np.array(self.tables[name], dtype=np.float64).ravel() for name in self.spec.tables]
 
     def _candidates(self, gain: GainSpec) -> int:
         """Number of candidates of a gain; 1 if it is the same for all."""
         values = self.gains[gain.name]
-        return np.shape(values)[0] if np.ndim(values) > gain.dimensions else 1
+        return np.shape(values)[0] if np.ndim(values) > len(gain.shape_for(1, 2)) else 1
 
     def _summary(self) -> Summary:
-        rows = [
-            (
-                name,
-                str(np.shape(value)),
-                format_rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
-            )
-            for name, value in (*self.gains.items(), *self.tables.items())
-        ]
+        columns = (
+            Column("", "number", of=itemgetter(0)),
+            Column("", "shape", of=lambda item: str(np.shape(item[1]))),
+            Column("", "largest", of=lambda item: float(np.abs(item[1]).max()), shown=format_rounded),
+        )
         return Summary(
             title=f"Control law {self.spec.title}",
             facts=(("equation", self.spec.equation), ("source", self.spec.source)),
-            tables=[Table(columns=("number", "shape", "largest"), rows=rows)],
+            tables=[Table.of(columns, (*self.gains.items(), *self.tables.items()))],
             notes=(
                 *(() if self.weights is None else self.weights.in_words),
                 *self.notes,
@@ -298,8 +289,11 @@ def control_laws() -> tuple[ControlLawSpec, ...]:
     """Every control law, in the order of the registry."""
     return tuple(
         ControlLawSpec(
-            **{**entry, "tables": tuple(entry["tables"])}
-            | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])}
+            **entry
+            | {
+                "tables": tuple(entry["tables"]),
+                "gains": tuple(GainSpec(**gain) for gain in entry["gains"]),
+            }
         )
         for entry in _rust.control_laws()
     )

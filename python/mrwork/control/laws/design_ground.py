@@ -9,11 +9,12 @@ import numpy as np
 from mrwork.base.numbers import of_unit
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.device import Device
 from mrwork.control.laws.law_problem import DesignProblem
-from mrwork.control.linear.riccati import LyapunovEquations, attempt_each
+from mrwork.control.linear.riccati import LyapunovEquations, mean_squares
 from mrwork.control.weights.limits import LimitedOutputs, sine_force
 from mrwork.control.weights.system import DesignSystem, design_system
+from mrwork.control.weights.weight_certificate import rms_under_gain
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity, SpectrumKind, StationaryGround, stationary_ground
 
@@ -30,37 +31,25 @@ def ground_of(
     damping: float | None = None,
 ) -> StationaryGround:
     """The stationary ground of the motions of a problem, which keeps it."""
-    grounds, key = problem.whole._grounds, (kind, frequency, damping)
-    if key not in grounds:
-        grounds[key] = stationary_ground(problem.motions, kind, frequency=frequency, damping=damping)
-    return grounds[key]
+    return problem._keep(
+        (kind, frequency, damping),
+        lambda: stationary_ground(problem.motions, kind, frequency=frequency, damping=damping),
+    )
 
 
 def source_in_words(problem: DesignProblem) -> str:
     """Which motions the ground of a design is fitted to."""
-    number = len(problem.motions)
-    several = "" if number == 1 else "s"
-    counted = "" if number == 1 else f"{number} "
-    if not problem.judged:
-        return f"fitted to the strong part{several} of the {counted}training motion{several}"
-    return (
-        f"fitted to the strong part{several} of the {counted}motion{several} on which the laws are judged, too, since "
-        "none is for training"
-    )
+    count = len(problem.motions)
+    part, motions = ("part", "") if count == 1 else ("parts", f"{count} ")
+    motions += f"{'' if problem.judged else 'training '}motion{'' if count == 1 else 's'}"
+    judged = " on which the laws are judged, too, since none is for training" if problem.judged else ""
+    return f"fitted to the strong {part} of the {motions}{judged}"
 
 
 def shaken_system(problem: DesignProblem, spectrum: SpectralDensity) -> DesignSystem:
     """The building, of a tall one its lowest modes, with its devices under a ground, without limited outputs."""
     none = LimitedOutputs(names=(), units=(), settings=(), limits=np.empty(0))
     return design_system(problem.plant, none, spectrum, n_modes=_MODES)
-
-
-def rms_forces(system: DesignSystem, gain: Floats) -> Floats:
-    """Rms desired force of each device [N] under the ground, the loop closed with `f = -gain s` at once."""
-    K = gain @ system.state
-    X = LyapunovEquations(system.A - system.B @ K).covariance(system.ground)
-    # Of tiny forces rounding may leave a negative square.
-    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", K, X, K), 0.0)))
 
 
 @array_dataclass()
@@ -93,9 +82,7 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
         system = shaken_system(problem, spectrum)
         X = LyapunovEquations(system.A).covariance(system.ground)
         elongations = problem.plant.attachment @ system.state[: problem.plant.n_coordinates]
-        variances = (np.einsum("ij,jk,ik->i", rows, X, rows) for rows in (elongations, system.rates))
-        # With next to no stiffness rounding may make one negative.
-        rms = [np.sqrt(np.maximum(variance, 0.0)) for variance in variances]
+        rms = [np.sqrt(mean_squares(rows, X)) for rows in (elongations, system.rates)]
     else:
         rms = [np.ones(len(devices)), np.ones(len(devices))]
     strokes = [
@@ -183,12 +170,13 @@ def asked_forces(problem: DesignProblem, gains: Sequence[Floats]) -> list[AskedF
         forces, system = damper_forces(problem, spectrum), shaken_system(problem, spectrum)
     except SettingError:
         return [None] * len(gains)
-    wanted = attempt_each(lambda gain: rms_forces(system, gain), gains)
+    names, wanted = (
+        problem.plant.device_names,
+        [rms_under_gain(system, gain @ system.state)[1] for gain in gains],
+    )
     return [
-        None
-        if isinstance(rms, SettingError)
-        else AskedForce(
-            devices=problem.plant.device_names, wanted=rms, idle=forces.idle, budgets=forces.budgets
-        )
+        AskedForce(devices=names, wanted=rms, idle=forces.idle, budgets=forces.budgets)
+        if np.isfinite(rms).all()
+        else None
         for rms in wanted
     ]

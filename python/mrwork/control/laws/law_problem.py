@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import exp, log
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 
@@ -20,18 +20,19 @@ from mrwork.base.keys import refuse_repeated
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
+from mrwork.buildings.device import Device, elongation_rows
 from mrwork.buildings.groups import largest_command, sends_shares
-from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.laws.control_law import LoopModel
 from mrwork.control.laws.counterpart import is_curve, static_counterpart
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.linear.plant import Plant, plant_of
-from mrwork.control.linear.riccati import attempt_each
+from mrwork.control.linear.riccati import attempt_each, only
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.motions.spectral_density import StationaryGround
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,14 +79,7 @@ class DesignProblem(Summarised):
     beside: Sequence[Device] = ()
     reference_peaks: Callable[[bool], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
     limited_from: DesignProblem | None = field(default=None, repr=False, compare=False)
-    # The grounds of the motions that designs have asked for, by kind and given numbers.
-    _grounds: dict[object, StationaryGround] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
-    # The weights that were designed for the plant, by what was wished; see `WeightWishes.of_problem`.
-    _weights: dict[object, DesignedWeights] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
+    _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def all_devices(self) -> tuple[Device, ...]:
@@ -136,6 +130,14 @@ class DesignProblem(Summarised):
         """The problem with the largest commands of the dampers themselves, which a law may not send."""
         return self if self.limited_from is None else self.limited_from
 
+    def _keep(self, key: object, make: Callable[[], T]) -> T:
+        """What a design needs of plant and motions: made when it is first asked for, since many designs ask for it."""
+        kept = self.whole._kept
+        if key not in kept:
+            kept[key] = make()
+        made: T = kept[key]
+        return made
+
     @checked
     def limited_to(self, command: float) -> DesignProblem:
         """The problem with devices that get at most this command [A or V]; its plant is the same.
@@ -176,15 +178,16 @@ class DesignProblem(Summarised):
 def unlike_first(problem: DesignProblem) -> tuple[str, ...]:
     """A sentence where dampers differ from the first, whose force a law knows."""
     first = problem.devices[0]
-
-    def same(device: Device) -> bool:
-        return device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
-
-    others = [device.name for device in problem.devices if not same(device)]
-    sentence = (
-        f"It knows the force of {first.name} alone, and takes it for the force of {list_names(others)} too."
+    others = [
+        device.name
+        for device in problem.devices
+        if device.spec != first.spec or not np.array_equal(device.draws[0], first.draws[0])
+    ]
+    if not others:
+        return ()
+    return (
+        f"It knows the force of {first.name} alone, and takes it for the force of {list_names(others)} too.",
     )
-    return (sentence,) if others else ()
 
 
 @array_dataclass(repr=False)
@@ -325,3 +328,28 @@ class LawSettings(ABC):
     def certificate(self, problem: DesignProblem) -> str:
         """Stability certificate of the law on this building, in words; `NO_CERTIFICATE` without one."""
         return NO_CERTIFICATE
+
+
+class SolvedSettings(LawSettings):
+    """Settings of a law whose design follows from the solution of equations: those of many settings by one call."""
+
+    __slots__ = ()
+
+    @classmethod
+    @abstractmethod
+    def solved(cls, problem: DesignProblem, many: Sequence[Self]) -> Sequence[Any]:
+        """The solution for each, or the error that says why there is none."""
+
+    @abstractmethod
+    def design_of(self, problem: DesignProblem, solution: Any) -> Design:
+        """The gains of the law that follow from a solution."""
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gains of the law for a building with its devices."""
+        return only(type(self).designs(problem, [self]))
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The gains of many settings, or the reason why one has none."""
+        solved = zip(many, cls.solved(problem, many), strict=True)
+        return attempt_each(lambda pair: pair[0].design_of(problem, only([pair[1]])), solved)

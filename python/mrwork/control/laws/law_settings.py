@@ -230,49 +230,35 @@ def design_candidates(
     """
     spec = control_law(name)
     curve = problem.curve if spec.needs_curve else None
-    model: LoopModel | None = None
-    designs: list[Design] = []
-    designed: list[int] = []
+    designs: dict[int, Design] = {}
     refusals: dict[int, str] = {}
+    # What candidates of a batch share: tables of the first design, and the model of the loop.
+    shared: tuple[Design, LoopModel | None] | None = None
     for each in settings:
         _check_settings(spec, each)
     for index, design in enumerate(SETTINGS[name].designs(problem, settings)):
         if isinstance(design, SettingError):
             refusals[index] = str(design)
             continue
-        believed = settings[index].loop_model(problem)
-        if not designs:
-            model = believed
-        if not _same_tables(design, designs[0] if designs else design) or believed != model:
+        believed = Design(tables=design.tables), settings[index].loop_model(problem)
+        shared = believed if shared is None else shared
+        if believed == shared:
+            designs[index] = design
+        else:
             refusals[index] = (
                 f"{name} with these settings has other tables or beliefs than the first candidate"
             )
-        else:
-            designs.append(design)
-            designed.append(index)
-    if not designs:
-        return DesignedCandidates(law=None, designed=(), refusals=refusals)
-    gains = {
-        gain: np.stack([np.asarray(design.gains[gain]) for design in designs]) for gain in designs[0].gains
-    }
-    law = ControlLaw(
-        name=name,
-        gains=gains,
-        tables=designs[0].tables,
-        curve=curve,
-        model=model,
-    )
-    return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
+    law = None
+    if shared is not None:
+        names = next(iter(designs.values())).gains
+        gains = {
+            gain: np.stack([np.asarray(design.gains[gain]) for design in designs.values()]) for gain in names
+        }
+        law = ControlLaw(name=name, gains=gains, tables=shared[0].tables, curve=curve, model=shared[1])
+    return DesignedCandidates(law=law, designed=tuple(designs), refusals=refusals)
 
 
 def _check_settings(spec: ControlLawSpec, settings: LawSettings) -> None:
-    """Refuse settings of another law."""
     kind = SETTINGS[spec.name]
     if type(settings) is not kind:
         raise SettingError(f"the settings are {type(settings).__name__}; {spec.name} takes {kind.__name__}")
-
-
-def _same_tables(one: Design, other: Design) -> bool:
-    return one.tables.keys() == other.tables.keys() and all(
-        np.array_equal(one.tables[name], other.tables[name]) for name in one.tables
-    )

@@ -12,7 +12,7 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.keys import key, positive
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
+from mrwork.control.laws.law_problem import Design, DesignProblem, Span
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import Regulator, Weights, regulators_of_costs
 from mrwork.control.linear.plant import Plant
@@ -57,37 +57,30 @@ def lyapunov_function(plant: Plant) -> LyapunovFunction:
 
 def _lyapunov_functions(
     plant: Plant, weights: Sequence[Floats], *, threads: Threads = 0
-) -> tuple[LyapunovFunction | SettingError, ...]:
+) -> list[LyapunovFunction | SettingError]:
     """The Lyapunov function of each weight Q_P, or the reason why none exists, by one call of the compiled solver."""
-    T = plant.scaling
-    undamped = _undamped_mode(plant, T)
-    if undamped is not None:
-        return tuple(undamped for _ in weights)
-    solutions = lyapunov_solutions(plant.A, np.array(weights), scaling=T, threads=threads)
+    A_z = np.linalg.solve(plant.scaling, plant.A @ plant.scaling)
+    decay = -float(np.max(np.linalg.eigvals(A_z).real))
+    noise = 1e-9 * float(np.linalg.norm(A_z, 2))
+    if decay <= noise:
+        # Of an undamped mode it is rounding, which differs between machines.
+        undamped = SettingError(
+            f"{plant.building.name} has a mode that decays at {decay if decay < -noise else 0.0:.2g} 1/s without "
+            "control; a Lyapunov function needs damping in every mode"
+        )
+        return [undamped for _ in weights]
+    solutions = lyapunov_solutions(plant.A, np.array(weights), scaling=plant.scaling, threads=threads)
 
     def function(row: int) -> LyapunovFunction:
         solutions.check(row)
         P = solutions.P[row]
         return LyapunovFunction(P=P, weight=weights[row], vectors=plant.B.T @ P)
 
-    return tuple(attempt_each(function, range(len(weights))))
-
-
-def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
-    A_z = np.linalg.inv(T) @ plant.A @ T
-    decay = -float(np.max(np.linalg.eigvals(A_z).real))
-    noise = 1e-9 * float(np.linalg.norm(A_z, 2))
-    if decay > noise:
-        return None
-    # Of an undamped mode it is rounding, which differs between machines.
-    return SettingError(
-        f"{plant.building.name} has a mode that decays at {decay if decay < -noise else 0.0:.2g} 1/s without control; "
-        f"a Lyapunov function needs damping in every mode"
-    )
+    return attempt_each(function, range(len(weights)))
 
 
 @checked
-class LyapunovSettings(CostWeights, LawSettings):
+class LyapunovSettings(CostWeights):
     """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
 
     Weights of accelerations act on the accelerations without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for any
@@ -96,32 +89,17 @@ class LyapunovSettings(CostWeights, LawSettings):
 
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
 
-    def design(self, problem: DesignProblem) -> Design:
-        """The gains that follow from the weight of the state."""
-        return only(type(self).designs(problem, [self]))
-
     @classmethod
-    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
-        """The designs of many settings, all their equations by one call of the compiled solver."""
-        return [
-            vectors if isinstance(vectors, SettingError) else settings.of_vectors(problem, vectors)
-            for settings, vectors in zip(many, cls.weight_vectors(problem, many), strict=True)
-        ]
+    def solved(
+        cls, problem: DesignProblem, many: Sequence[Self]
+    ) -> Sequence[LyapunovFunction | Regulator | SettingError]:
+        """What has the weight of the state of each, `vectors`: a Lyapunov function, all by one call of the solver."""
+        weights = attempt_each(lambda settings: settings.weigh_outputs(problem).Q, many)
+        return solve_together(lambda sound: _lyapunov_functions(problem.plant, sound), weights)
 
-    @classmethod
-    def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
-        """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
-        functions = solve_together(
-            lambda weights: _lyapunov_functions(problem.plant, weights),
-            attempt_each(lambda settings: settings.weigh_outputs(problem).Q, many),
-        )
-        return [
-            function if isinstance(function, SettingError) else function.vectors for function in functions
-        ]
-
-    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
-        """The design that follows from this weight of the state."""
-        return Design(gains={"weight": vectors})
+    def design_of(self, problem: DesignProblem, solution: LyapunovFunction | Regulator) -> Design:
+        """The weight of the state, B'P, shape (n_devices, 2n)."""
+        return Design(gains={"weight": solution.vectors})
 
     def certificate(self, problem: DesignProblem) -> str:
         """The Lyapunov function of the building."""
@@ -152,18 +130,16 @@ class ProportionalSettings(LyapunovSettings):
     )
 
     @classmethod
-    def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
-        """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
+    def solved(
+        cls, problem: DesignProblem, many: Sequence[Self]
+    ) -> Sequence[LyapunovFunction | Regulator | SettingError]:
+        """A regulator of each with a control weight, a Lyapunov function of each without."""
         weighed = [(item, item.control_weight) for item in many if item.control_weight is not None]
         costs = attempt_each(lambda pair: (pair[0].weigh_outputs(problem), pair[1]), weighed)
-        regulators = regulators_of_costs(problem.plant, costs)
-        regulated = iter(
-            [regulator.vectors if isinstance(regulator, Regulator) else regulator for regulator in regulators]
-        )
-        unweighed = [item for item in many if item.control_weight is None]
-        free = iter(LyapunovSettings.weight_vectors(problem, unweighed))
+        regulated = iter(regulators_of_costs(problem.plant, costs))
+        free = iter(LyapunovSettings.solved(problem, [item for item in many if item.control_weight is None]))
         return [next(free if item.control_weight is None else regulated) for item in many]
 
-    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
-        """Weight of the state, and the slope of each device."""
-        return Design(gains={"weight": vectors, "slope": problem.each(self.slope)})
+    def design_of(self, problem: DesignProblem, solution: LyapunovFunction | Regulator) -> Design:
+        """The weight of the state, and the slope of each device."""
+        return Design(gains={"weight": solution.vectors, "slope": problem.each(self.slope)})

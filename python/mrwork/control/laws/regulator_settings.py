@@ -16,7 +16,6 @@ from mrwork.control.laws.design_ground import AskedForce, asked_forces
 from mrwork.control.laws.law_problem import (
     Design,
     DesignProblem,
-    LawSettings,
     Magnitude,
     Span,
 )
@@ -24,18 +23,18 @@ from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import (
     MatrixRows,
     Regulator,
+    Weighed,
     Weights,
     plain_weight,
-    regulator_of_weights,
     regulators_of_costs,
 )
 from mrwork.control.linear.margins import LoopMargins, loop_margins
-from mrwork.control.linear.riccati import attempt_each
+from mrwork.control.linear.riccati import attempt_each, only
 from mrwork.errors import InvalidSettingError, SettingError
 
 
 @checked
-class RegulatorSettings(CostWeights, LawSettings):
+class RegulatorSettings(CostWeights):
     """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
 
     is_regulator: ClassVar[bool] = True
@@ -55,15 +54,10 @@ class RegulatorSettings(CostWeights, LawSettings):
     )
 
     def __post_init__(self) -> None:
-        LawSettings.__post_init__(self)
+        CostWeights.__post_init__(self)
         if self.gain is None and self.control_weight is None:
             entry = next(entry for entry in keys_of(type(self)) if entry.name == "control_weight")
             raise SettingError(f"the law has no control_weight; give {entry.in_words}")
-
-    def design(self, problem: DesignProblem) -> Design:
-        """The finished gain of the settings, or the gain of the regulator."""
-        gain = self.regulator(problem).gain if self.gain is None else self.given_gain(problem)
-        return self.of_gain(problem, gain)
 
     def given_gain(self, problem: DesignProblem) -> Floats:
         """The finished gain, shape (n_devices, 2n)."""
@@ -81,42 +75,37 @@ class RegulatorSettings(CostWeights, LawSettings):
             )
         return np.array(self.gain)
 
-    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
-        """The design that follows from the gain of the desired forces."""
-        return Design(gains={"gain": gain})
+    @classmethod
+    def solved(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """The gain of each: as given, or of its regulator."""
+        found = attempt_each(
+            lambda item: item.weighed(problem) if item.gain is None else item.given_gain(problem), many
+        )
+        costs = [cost for cost in found if isinstance(cost, tuple)]
+        regulators = iter(regulators_of_costs(problem.plant, costs))
+        solved = [next(regulators) if isinstance(each, tuple) else each for each in found]
+        return [each.gain if isinstance(each, Regulator) else each for each in solved]
+
+    def design_of(self, problem: DesignProblem, solution: Floats) -> Design:
+        """The gain of the desired forces."""
+        return Design(gains={"gain": solution})
 
     def regulator(self, problem: DesignProblem) -> Regulator:
         """LQR of the building with the output weights and the control weight of the settings."""
-        return regulator_of_weights(
-            problem.plant, self.weigh_outputs(problem), self.control_weight_of(problem)
-        )
+        return only(regulators_of_costs(problem.plant, [self.weighed(problem)]))
 
-    def control_weight_of(self, problem: DesignProblem) -> Weights:
-        """R of the devices; one number with designed weights keeps the ratios of the design."""
+    def weighed(self, problem: DesignProblem) -> tuple[Weighed, Weights]:
+        """What the output weights add to the cost, and R of the devices.
+
+        One number for R keeps the ratios of designed weights.
+        """
         if self.control_weight is None:
             raise InvalidSettingError("gain", "the law has a finished gain, and no weights; ask for its gain")
-        designed = self.weights(problem)
-        if designed is None or not isinstance(self.control_weight, float | int):
-            return self.control_weight
-        R = designed.control_weight
-        return tuple((self.control_weight * R / R.mean()).tolist())
-
-    @classmethod
-    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
-        """The designs of many settings, all their regulators by one call of the compiled solver."""
-        designs = iter(
-            attempt_each(lambda item: item.design(problem), [item for item in many if item.gain is not None])
-        )
-        costs = attempt_each(
-            lambda item: (item.weigh_outputs(problem), item.control_weight_of(problem)),
-            [item for item in many if item.gain is None],
-        )
-        regulators = iter(regulators_of_costs(problem.plant, costs))
-        outcomes: list[Design | SettingError] = []
-        for settings in many:
-            found = next(regulators if settings.gain is None else designs)
-            outcomes.append(settings.of_gain(problem, found.gain) if isinstance(found, Regulator) else found)
-        return outcomes
+        cost, designed, R = self.weigh_outputs(problem), self.weights(problem), self.control_weight
+        if designed is None or not isinstance(R, float | int):
+            return cost, R
+        of_design = designed.control_weight
+        return cost, tuple((R * of_design / of_design.mean()).tolist())
 
     def margins(
         self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
@@ -198,7 +187,6 @@ _DECADES = 31
 
 
 def _power(factor: float) -> str:
-    """A factor to the nearest power of ten."""
     return f"1e{max(1, round(float(np.log10(factor))))}"
 
 
@@ -213,9 +201,9 @@ class ClippedSettings(RegulatorSettings):
         span=Span(lower=0.03, upper=10.0, start=1.0, of=(("force", 1.0),)),
     )
 
-    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+    def design_of(self, problem: DesignProblem, solution: Floats) -> Design:
         """The gain, and the full force of each device."""
-        return Design(gains={"gain": gain, "full_force": problem.each(self.full_force)})
+        return Design(gains={"gain": solution, "full_force": problem.each(self.full_force)})
 
 
 def _about(magnitude: Magnitude) -> Span:
@@ -241,7 +229,7 @@ class NetworkSettings(RegulatorSettings):
         "largest magnitude of each input, to which it is clipped: the largest of the training", above=0.0
     )
 
-    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+    def design_of(self, problem: DesignProblem, solution: Floats) -> Design:
         """The gain, and the network as the tables layer, output and reach; sizes that do not fit are refused."""
         n_columns = len(self.reach) + 2
         if len(self.reach) not in (3, 6):
@@ -259,7 +247,7 @@ class NetworkSettings(RegulatorSettings):
             "output": np.array([self.output]),
             "reach": np.array(self.reach),
         }
-        return Design(gains={"gain": gain}, tables=tables)
+        return Design(gains={"gain": solution}, tables=tables)
 
 
 _NEAR_CLIPPED = (
@@ -298,7 +286,7 @@ class SignalNetworkSettings(RegulatorSettings):
         ),
     )
 
-    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+    def design_of(self, problem: DesignProblem, solution: Floats) -> Design:
         """The gain, and the network for signals in SI units."""
         numbers = next(gain.numbers for gain in control_law("signal_network").gains if gain.name == "network")
         if len(self.network) != numbers:
@@ -306,7 +294,7 @@ class SignalNetworkSettings(RegulatorSettings):
         scales = np.array([self.deformation, self.rate, self.force, self.force])
         network = np.array(self.network)
         network[:-1].reshape(-1, len(scales) + 2)[:, 1:-1] /= scales
-        return Design(gains={"gain": gain, "network": np.tile(network, (len(problem.devices), 1))})
+        return Design(gains={"gain": solution, "network": np.tile(network, (len(problem.devices), 1))})
 
     def margins(
         self, problem: DesignProblem, design: Design, rates: Sequence[float | None]

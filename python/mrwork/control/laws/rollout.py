@@ -11,7 +11,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import key, optional, positive
 from mrwork.base.values import Floats
 from mrwork.buildings.groups import commands_of
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.plane_building import Building
 from mrwork.buildings.yielding import elastic_frame, with_factors
 from mrwork.control.laws.control_law import LoopModel
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span

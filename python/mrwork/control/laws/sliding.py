@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from mrwork.base.arguments import Positive, checked
-from mrwork.base.hints import Within
-from mrwork.base.keys import key, keys_of, positive
-from mrwork.base.summary import Summarised
+from mrwork.base.arguments import checked
+from mrwork.base.keys import key, positive
+from mrwork.base.summary import Summarised, named
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.linear.plant import Plant
-from mrwork.control.linear.riccati import attempt_each, solve_riccati
+from mrwork.control.linear.riccati import solve_riccati
 from mrwork.errors import SettingError
 
 
@@ -38,8 +37,8 @@ class SlidingSurface(Summarised):
     poles: NDArray[np.complex128]
 
 
-@array_dataclass(repr=False)
-class SlidingGains(Summarised):
+@array_dataclass()
+class SlidingGains:
     """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
 
     `switching` and `boundary` are rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`; `adaptation` gamma
@@ -74,7 +73,7 @@ def optimal_surface(plant: Plant) -> SlidingSurface:
     Q, size = back.T @ plant.energy @ back, len(A)
     rest = slice(None, size - n_moved)
     moved = slice(size - n_moved, None)
-    gain, _ = solve_riccati(
+    F, _ = solve_riccati(
         A[rest, rest],
         A[rest, moved],
         Q[rest, rest],
@@ -82,47 +81,13 @@ def optimal_surface(plant: Plant) -> SlidingSurface:
         Q[rest, moved],
         scaling=np.eye(size - n_moved),
     )
-    return _surface(plant, back, A, gain)
-
-
-def sliding_gains(
-    surface: SlidingSurface,
-    *,
-    peak_acceleration: Positive,
-    largest_force: Annotated[ArrayLike, Within(above=0.0)],
-    frequency: Positive = 5.0,
-    margin: Annotated[float, Within(above=1.0)] = 1.2,
-    bandwidth: Positive = 100.0,
-) -> SlidingGains:
-    """Gains that keep the state on the surface under ground motions of a given peak [m/s^2].
-
-    The disturbance is d = ground a_g. Switching rejects it if rho > |d|: `rho = margin |ground| peak`. Inside the
-    boundary layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control, 1991,
-    7.2); above the rate of the driver's lag, 190 1/s in Spencer et al. 1997, the law chatters. The super-twisting law
-    requires |d'| <= L = margin |ground| 2 pi frequency peak, with the highest frequency [Hz] at which the ground
-    reaches its peak: `k_1 = 1.5 L^0.5, k_2 = 1.1 L` (Levant, Int. J. Control 76(9-10), 2003, 924-941). The adaptive
-    gain rises from zero to rho in a tenth of a second at |sigma| = 2 phi, at most to the largest force of the device
-    [N].
-    """
-    size = np.abs(surface.ground)
-    force = np.asarray(largest_force, dtype=np.float64)
-    if force.shape not in ((), size.shape):
-        raise SettingError(
-            f"`largest_force` has shape {force.shape}; give one number, or one for each of {size.size} devices"
-        )
-    force = np.broadcast_to(force, size.shape)
-    # A device without disturbance needs a gain, too: a thousandth of its force.
-    switching = np.maximum(margin * size * peak_acceleration, 1e-3 * force)
-    boundary = switching / bandwidth
-    slope = 2.0 * np.pi * frequency * switching
-    return SlidingGains(
-        switching=switching,
-        boundary=boundary,
-        adaptation=switching / (0.1 * 2.0 * boundary),
-        floor=0.01 * switching,
-        ceiling=np.maximum(force, switching),
-        proportional=1.5 * np.sqrt(slope),
-        integral=1.1 * slope,
+    rows = np.hstack([F, np.eye(n_moved)]) @ np.linalg.inv(back)
+    S = np.linalg.solve(rows @ plant.B, rows)
+    return SlidingSurface(
+        S=S,
+        drift=S @ plant.A,
+        ground=S @ plant.E,
+        poles=np.linalg.eigvals(A[rest, rest] - A[rest, moved] @ F).astype(np.complex128),
     )
 
 
@@ -139,19 +104,6 @@ def _regular_form(plant: Plant) -> tuple[Floats, Floats, int]:
         )
     back = plant.scaling @ np.hstack([orthogonal[:, n_moved:], orthogonal[:, :n_moved]])
     return back, np.linalg.solve(back, plant.A @ back), n_moved
-
-
-def _surface(plant: Plant, back: Floats, A: Floats, F: Floats) -> SlidingSurface:
-    """The surface x_2 = -F x_1, as rows over the state."""
-    n_rest = F.shape[1]
-    plain = np.hstack([F, np.eye(len(F))]) @ np.linalg.inv(back)
-    S = np.linalg.solve(plain @ plant.B, plain)
-    return SlidingSurface(
-        S=S,
-        drift=S @ plant.A,
-        ground=S @ plant.E,
-        poles=np.linalg.eigvals(A[:n_rest, :n_rest] - A[:n_rest, n_rest:] @ F).astype(np.complex128),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,27 +136,38 @@ class _SurfaceSettings(LawSettings):
         span=Span(lower=10.0, upper=180.0),
     )
 
-    def design(self, problem: DesignProblem) -> Design:
-        """The design of the law on the optimal surface of the building."""
-        return self.of_surface(problem, optimal_surface(problem.plant))
-
-    @classmethod
-    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
-        """The designs of many settings, which share the surface of the building."""
-        try:
-            surface = optimal_surface(problem.plant)
-        except SettingError as reason:
-            return [reason for _ in many]
-        return attempt_each(lambda settings: settings.of_surface(problem, surface), many)
-
     @abstractmethod
-    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
-        """The design of the law on a surface."""
+    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
+        """The gains of the law on a surface, by their names."""
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The design of the law on the optimal surface of the building, which the problem keeps."""
+        surface = problem._keep(optimal_surface, lambda: optimal_surface(problem.plant))
+        return Design(gains=self.of_surface(surface))
 
     def gains(self, surface: SlidingSurface) -> SlidingGains:
-        """Gains of the sliding modes on a surface, by the numbers of the settings."""
-        return sliding_gains(
-            surface, **{entry.name: getattr(self, entry.name) for entry in keys_of(type(self))}
+        """Gains that keep the state on a surface under ground motions of the peak.
+
+        The disturbance is d = ground a_g. Switching rejects it if rho > |d|: `rho = margin |ground| peak`. Inside the
+        boundary layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control,
+        1991, 7.2); above the rate of the driver's lag, 190 1/s in Spencer et al. 1997, the law chatters. The
+        super-twisting law requires |d'| <= L = margin |ground| 2 pi frequency peak: `k_1 = 1.5 L^0.5, k_2 = 1.1 L`
+        (Levant, Int. J. Control 76(9-10), 2003, 924-941). The adaptive gain rises from zero to rho in a tenth of a
+        second at |sigma| = 2 phi, at most to the largest force of the device.
+        """
+        # A device without disturbance needs a gain, too: a thousandth of its force.
+        disturbance = self.margin * np.abs(surface.ground) * self.peak_acceleration
+        switching = np.maximum(disturbance, 1e-3 * self.largest_force)
+        boundary = switching / self.bandwidth
+        slope = 2.0 * np.pi * self.frequency * switching
+        return SlidingGains(
+            switching=switching,
+            boundary=boundary,
+            adaptation=switching / (0.1 * 2.0 * boundary),
+            floor=0.01 * switching,
+            ceiling=np.maximum(self.largest_force, switching),
+            proportional=1.5 * np.sqrt(slope),
+            integral=1.1 * slope,
         )
 
 
@@ -212,41 +175,38 @@ class _SurfaceSettings(LawSettings):
 class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
 
-    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
         """The surface with its boundary layer, and the switching force."""
         gains = self.gains(surface)
-        return Design(gains={**_gains_pushing_down(surface, gains), "switching": gains.switching})
+        return {**_pushing_down(surface, gains), "switching": gains.switching}
 
 
 @checked
 class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
 
-    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
         """The surface with its boundary layer, and rate, floor and ceiling of the gain that adapts."""
         gains = self.gains(surface)
-        adapted = {"adaptation": gains.adaptation, "floor": gains.floor, "ceiling": gains.ceiling}
-        return Design(gains={**_gains_pushing_down(surface, gains), **adapted})
+        return _pushing_down(surface, gains) | named(gains, "adaptation", "floor", "ceiling")
 
 
 @checked
 class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""
 
-    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
         """The surface, and the gains of the root and of the integral of sigma."""
         gains = self.gains(surface)
-        return Design(
-            gains={
-                "surface": surface.S,
-                "drift": surface.drift,
-                "push": problem.each(1.0),
-                "root_gain": gains.proportional,
-                "integral_gain": gains.integral,
-            }
-        )
+        return {
+            "surface": surface.S,
+            "drift": surface.drift,
+            "push": np.ones(len(surface.S)),
+            "root_gain": gains.proportional,
+            "integral_gain": gains.integral,
+        }
 
 
-def _gains_pushing_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
+def _pushing_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
     # In the loop the force decreases sigma, hence the sign.
     return {"gain": surface.drift, "surface": -surface.S, "boundary": gains.boundary}

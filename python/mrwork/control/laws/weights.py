@@ -18,7 +18,7 @@ from mrwork.base.keys import key, keys_of, optional, positive
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.control.laws.design_ground import damper_forces, forces_in_words, ground_of, source_in_words
-from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, Span
+from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, SolvedSettings, Span
 from mrwork.control.linear.lqr import Weighed, Weights, weighed_outputs, weighed_state, weight_matrix
 from mrwork.control.linear.plant import (
     Outputs,
@@ -83,14 +83,8 @@ class WeightWishes(RmsLimits):
     )
 
     def of_problem(self, problem: DesignProblem, budget_scale: float = 1.0) -> DesignedWeights:
-        """The weights for a building with its devices, with `budget_scale` times the budget.
-
-        The problem keeps them, because a search tries many sizes of R.
-        """
-        weights = problem.whole._weights
-        if (self, budget_scale) not in weights:
-            weights[self, budget_scale] = self._design(problem, budget_scale)
-        return weights[self, budget_scale]
+        """The weights for a building with its devices, with `budget_scale` times the budget; the problem keeps them."""
+        return problem._keep((self, budget_scale), lambda: self._design(problem, budget_scale))
 
     def _design(self, problem: DesignProblem, budget_scale: float) -> DesignedWeights:
         plant = problem.plant
@@ -114,7 +108,6 @@ class WeightWishes(RmsLimits):
         return replace(designed, origin=(ground, budget))
 
     def _budgets(self, problem: DesignProblem, spectrum: SpectralDensity) -> tuple[Floats, str]:
-        """The budget of each device [N], and a sentence on it."""
         if self.budget is not None:
             forces = as_forces(self.budget, problem.plant)
             return forces, f"Budget: {_newtons(forces)} rms, as given."
@@ -176,7 +169,6 @@ class WeightWishes(RmsLimits):
 
 
 def _newtons(forces: Floats) -> str:
-    """Forces with their unit, one where all are equal."""
     return ", ".join(dict.fromkeys(of_unit(float(force), "N") for force in forces))
 
 
@@ -191,7 +183,7 @@ def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, f
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CostWeights:
+class CostWeights(SolvedSettings):
     """Weights of outputs and state; what several of them add to the cost is summed.
 
     Each weight is one number for all floors, storeys, devices or states, one for each, or a symmetric matrix; without
@@ -249,8 +241,7 @@ class CostWeights:
             W = scipy.linalg.block_diag(*(weights for _, weights in pairs))
             parts.append(weighed_outputs(stack_outputs(*(outputs for outputs, _ in pairs)), W))
         if self.state_weight is not None:
-            Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
-            parts.append(weighed_state(plant, Q))
+            parts.append(weighed_state(plant, self.state_weight))
         if not parts:
             return weighed_state(plant, (self.energy or 1.0) * plant.energy)
         if self.energy is not None:
@@ -286,7 +277,7 @@ class CostWeights:
     @classmethod
     def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:
         """Cost of the weights among held settings at these magnitudes; weights of single floors are averaged."""
-        weights = {name: value for name, value in held.items() if name in cls.weight_names()}
+        weights = cls.weights_among(held)
         if "designed" in weights:
             # Of these weights R is 1 as designed.
             return magnitudes.force**2

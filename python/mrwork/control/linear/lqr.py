@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 import scipy
@@ -14,8 +14,8 @@ from mrwork.base.arguments import NotNegative, Positive, Threads, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Building
+from mrwork.base.values import Floats, array_dataclass, one_for_each
+from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.plant import Outputs, Plant, check_outputs, hold_input, symmetric
 from mrwork.control.linear.riccati import (
     RiccatiStatus,
@@ -97,7 +97,7 @@ class Weighed:
     are weighed.
     """
 
-    _made_by: ClassVar[str] = "the `weighed` of mr.control.RegulatorSettings"
+    _made_by: ClassVar[str] = "the `weigh_outputs` of mr.control.RegulatorSettings"
 
     Q: Floats
     N: Floats
@@ -110,10 +110,10 @@ def weighed_outputs(outputs: Outputs, weights: Floats) -> Weighed:
     return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
 
 
-def weighed_state(plant: Plant, weights: Floats) -> Weighed:
-    """Cost of a weight Q of the state, shape (2n, 2n)."""
-    n_devices = plant.n_devices
-    return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
+def weighed_state(plant: Plant, weight: ArrayLike) -> Weighed:
+    """Cost of a weight of the state: Q, shape (2n, 2n), or its diagonal."""
+    Q, m = weight_matrix("state_weight", weight, 2 * plant.n_coordinates, "states"), plant.n_devices
+    return Weighed(Q=Q, N=np.zeros((len(Q), m)), S=np.zeros((m, m)))
 
 
 @array_dataclass(repr=False)
@@ -168,7 +168,7 @@ def regulator_of_outputs(
     """
     check_outputs(plant, outputs)
     W = weight_matrix("weights", weights, len(outputs.names), "outputs")
-    return regulator_of_weights(plant, weighed_outputs(outputs, W), control_weight)
+    return only(regulators_of_costs(plant, [(weighed_outputs(outputs, W), control_weight)], threads=1))
 
 
 @checked
@@ -187,13 +187,7 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
     SettingError
         As `regulator_of_outputs`.
     """
-    Q = weight_matrix("state_weight", state_weight, 2 * plant.n_coordinates, "states")
-    return regulator_of_weights(plant, weighed_state(plant, Q), control_weight)
-
-
-def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLike) -> Regulator:
-    """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state."""
-    return only(regulators_of_weights(plant, [weighed], [control_weight], threads=1))
+    return only(regulators_of_costs(plant, [(weighed_state(plant, state_weight), control_weight)], threads=1))
 
 
 @checked
@@ -241,26 +235,28 @@ def regulators_of_weights(
             "both for each of one or more regulators"
         )
 
-    def cost(pair: tuple[Weighed | ArrayLike, ArrayLike]) -> tuple[Floats, Floats, Floats]:
+    def cost(pair: tuple[Weighed | ArrayLike, ArrayLike]) -> tuple[Weighed, ArrayLike]:
         weight, control_weight = pair
-        if not isinstance(weight, Weighed):
-            Q = weight_matrix("state_weight", weight, 2 * plant.n_coordinates, "states")
-            weight = weighed_state(plant, Q)
-        R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + weight.S
-        return weight.Q, R, weight.N
+        return weight if isinstance(weight, Weighed) else weighed_state(plant, weight), control_weight
 
     costs = attempt_each(cost, zip(weighed, control_weights, strict=True))
-    return tuple(solve_together(lambda sound: _regulators(plant, sound, threads), costs))
+    return tuple(regulators_of_costs(plant, costs, threads))
 
 
 def regulators_of_costs(
-    plant: Plant, costs: Sequence[tuple[Weighed, ArrayLike] | SettingError]
+    plant: Plant, costs: Sequence[tuple[Weighed, ArrayLike] | SettingError], threads: int = 0
 ) -> list[Regulator | SettingError]:
-    """Regulators of sums of weights with their R, in one call; an error stands in the place of its regulator."""
-    return solve_together(
-        lambda sound: regulators_of_weights(plant, [weight for weight, _ in sound], [R for _, R in sound]),
-        costs,
-    )
+    """Regulators of `int s'Q s + 2 s'N f + f'(R + S) f dt` in one call, with Q, N, S of weights and R of the forces.
+
+    An error stands in the place of its regulator.
+    """
+
+    def matrices(cost: tuple[Weighed, ArrayLike] | SettingError) -> tuple[Floats, Floats, Floats]:
+        weight, control_weight = only([cost])
+        R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + weight.S
+        return weight.Q, R, weight.N
+
+    return solve_together(lambda sound: _regulators(plant, sound, threads), attempt_each(matrices, costs))
 
 
 def _regulators(
@@ -296,42 +292,24 @@ def _regulators(
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PublishedRegulator(Summarised):
-    """Published weights of a regulator for a building of `n_floors`.
-
-    `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
-    are only quoted. `weighed` are floors (from 1) with a weight on their absolute acceleration, and the weight
-    [(s^2/m)^2]; `control_weight` is R [1/N^2]. `ground_over_noise` is S_ag/S_v of the observer: intensity of the ground
-    acceleration over the intensity of the noise of each sensor, in SI.
-    """
+    """Published weights: of the absolute acceleration of each floor [(s^2/m)^2], and R [1/N^2]."""
 
     _made_by: ClassVar[str] = "the setting `published` of a law"
 
     name: str
-    n_floors: int
-    weighed: tuple[tuple[int, float], ...]
+    weights: tuple[float, ...]
     control_weight: float
-    ground_over_noise: float
     source: str
-    status: Literal["verified", "published"]
-    note: str = ""
-
-    @property
-    def weights(self) -> tuple[float, ...]:
-        """Weight of the acceleration of each floor [(s^2/m)^2]."""
-        weighed = dict(self.weighed)
-        return tuple(weighed.get(floor, 0.0) for floor in range(1, self.n_floors + 1))
 
 
 PUBLISHED_REGULATORS = (
+    # An independent simulation with this regulator has the results of the paper.
     PublishedRegulator(
         name="dyke1996",
-        n_floors=3,
-        weighed=((3, 1.0),),
+        weights=(0.0, 0.0, 1.0),
         control_weight=1e-17,
-        ground_over_noise=50.0,
-        source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
-        status="verified",
-        note="sampled every 0.5 ms; sensors: accelerations of all floors, deformation of the damper",
+        source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575; sampled every 0.5 ms, sensors: "
+        "accelerations of all floors, deformation of the damper",
     ),
 )
 
@@ -395,20 +373,17 @@ def observer_of(
         If an undamped mode is not observable.
     """
     check_outputs(plant, measurements)
-    n_measurements = len(measurements.names)
-    noise = np.asarray(1.0 / 50.0 if noise_intensity is None else noise_intensity, dtype=np.float64)
-    if n_measurements == 0 or noise.shape not in ((), (n_measurements,)):
-        raise SettingError(
-            f"`noise_intensity` has shape {noise.shape} for {n_measurements} measurements; "
-            f"give one number for each of one or more measurements"
-        )
+    if not measurements.names:
+        raise SettingError("there is no measurement; give one or more")
+    intensities = 1.0 / 50.0 if noise_intensity is None else noise_intensity
+    noise = one_for_each("noise_intensity", intensities, len(measurements.names), "measurement")
     T, ground = plant.scaling, 1.0 / sample_time
     inputs = np.column_stack([plant.B, plant.E])
     slope, pushed = (np.linalg.solve(T, matrix).astype(np.float64) for matrix in (plant.A @ T, inputs))
     F_z, held = hold_input(slope, pushed, sample_time)
     Ad, Bd, Ed = T @ F_z @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
     # The Riccati equation is solved in z, with sensors scaled by their noise.
-    deviation = np.sqrt(np.broadcast_to(noise, n_measurements) / sample_time)
+    deviation = np.sqrt(noise / sample_time)
     A_z = np.linalg.solve(T, Ad @ T)
     E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
     C_z = measurements.C @ T / deviation[:, None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -40,7 +40,6 @@ class DeviceMargins(Summarised):
     """
 
     _made_by: ClassVar[str] = "mr.control.loop_margins(plant, gain)"
-    _units: ClassVar[Mapping[str, str]] = {"phase": "degrees", "delay": "s"}
 
     device: str
     gain_up: float
@@ -279,7 +278,6 @@ class _SampledLoop:
 def _margins(
     name: str, sample_time: float, transfer: Callable[[Floats], Complexes], angles: Floats
 ) -> DeviceMargins:
-    """The margins of a loop by its transfer function over angles of z."""
     L = transfer(angles)
     to_hertz = 1.0 / (2.0 * np.pi * sample_time)
     crossings = list(_roots(lambda angle: float(transfer(np.array(angle)).imag), angles, L.imag))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.plane_building import Building
 from mrwork.errors import SettingError, UnknownNameError
 
 
@@ -74,8 +74,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     >>> from mrwork.control.linear.plant import plant_of
     >>> plant = plant_of(building, building.storeys[:1])  # doctest: +SKIP
     """
-    mass, damping, stiffness = building.check().mass, building.damping, building.stiffness
-    n = mass.shape[0]
+    n = building.check().n_coordinates
     rows = np.atleast_2d(np.asarray(attachment, dtype=np.float64))
     if rows.ndim != 2 or rows.shape[0] == 0 or rows.shape[1] != n:
         raise SettingError(
@@ -91,13 +90,8 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
         raise SettingError(
             f"{len(rows)} devices have the names {several}; give each device a name of its own"
         )
-    A = np.block(
-        [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]]
-    )
-    B = np.vstack([np.zeros((n, len(rows))), -np.linalg.solve(mass, rows.T)])
-    E = np.concatenate([np.zeros(n), -building.influence])
-    zeros = np.zeros((n, n))
-    energy = np.block([[symmetric(stiffness), zeros], [zeros, symmetric(mass)]])
+    A, B, E = building.state_matrices(rows)
+    energy = scipy.linalg.block_diag(symmetric(building.stiffness), symmetric(building.mass))
     return Plant(
         building=building,
         A=A,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Literal, TypeVar
@@ -81,15 +82,12 @@ class RiccatiSolutions(Summarised):
             raise SettingError(f"a Riccati equation has no solution: {status.remedy}{met}")
 
     def _summary(self) -> Summary:
-        counts = [
-            (status.name.lower().replace("_", " "), str(int(np.sum(self.status == status))))
-            for status in RiccatiStatus
-        ]
+        counts = sorted(Counter(self.status.tolist()).items())
         worst = np.max(self.residual[self.solved], initial=0.0)
         return Summary(
             title=f"Riccati equations, {len(self.status)} rows",
             facts=(
-                *((name, count) for name, count in counts if count != "0"),
+                *((RiccatiStatus(status).name.lower().replace("_", " "), str(n)) for status, n in counts),
                 ("largest residual", f"{worst:.1e}"),
                 ("gain", str(self.gain.shape[1:])),
             ),
@@ -393,6 +391,11 @@ class LyapunovEquations:
         right = -self._basis.T @ Q @ self._basis
         solution, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
         return symmetric(self._basis @ solution @ self._basis.T / scale)
+
+
+def mean_squares(rows: Floats, covariance: Floats) -> Floats:
+    """Mean squares of rows @ x of a covariance of x, shape (n_rows,); of tiny ones rounding leaves none negative."""
+    return np.asarray(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0.0))
 
 
 # A solution takes about this time [s] times the cube of the number of states; from so many states on, and above this

@@ -11,8 +11,8 @@ import numpy as np
 from mrwork.base.arguments import Level, Positive, checked
 from mrwork.base.keys import keys_of, positive
 from mrwork.base.units import number_in
-from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Device
+from mrwork.base.values import Floats, array_dataclass, one_for_each
+from mrwork.buildings.device import Device
 from mrwork.control.linear.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
 from mrwork.dampers.simulation import simulate_force, sinusoid
 from mrwork.errors import InvalidSettingError, SettingError
@@ -92,19 +92,12 @@ class LimitedOutputs:
     def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
         """The outputs of a plant that have a limit."""
         limited: list[tuple[str, str, str, float]] = []
-        for setting, (unit, quantity, outputs_of) in _QUANTITIES.items():
+        for setting, (unit, noun, outputs_of) in _QUANTITIES.items():
             bound = getattr(limits, setting)
             if bound is None:
                 continue
             outputs = outputs_of(plant)
-            values = np.asarray(bound, dtype=np.float64)
-            if values.shape not in ((), (len(outputs.names),)):
-                raise InvalidSettingError(
-                    setting,
-                    f"{setting} has {values.size} limits, and there are {len(outputs.names)} {quantity}; give one for "
-                    "each, or one for all",
-                )
-            each_limit = np.broadcast_to(values, len(outputs.names)).tolist()
+            each_limit = one_for_each(setting, bound, len(outputs.names), noun).tolist()
             pairs = zip(outputs.names, each_limit, strict=True)
             limited += [(name, unit, setting, limit) for name, limit in pairs if math.isfinite(limit)]
         if all(setting == "rms_force" for _, _, setting, _ in limited):
@@ -138,10 +131,10 @@ def _forces(plant: Plant) -> Outputs:
 
 
 _QUANTITIES: Mapping[str, tuple[str, str, Callable[[Plant], Outputs]]] = {
-    "rms_drift": ("m", "storeys", _drifts_without_strokes),
-    "rms_acceleration": ("m/s2", "floors", accelerations),
-    "rms_displacement": ("m", "floors", displacements),
-    "rms_force": ("N", "devices", _forces),
+    "rms_drift": ("m", "storey", _drifts_without_strokes),
+    "rms_acceleration": ("m/s2", "floor", accelerations),
+    "rms_displacement": ("m", "floor", displacements),
+    "rms_force": ("N", "device", _forces),
 }
 """Unit of each limit, what it belongs to, and the outputs that it limits."""
 
@@ -168,15 +161,10 @@ class SemiActiveCondition:
 
 def as_forces(budget: float | str | Sequence[float | str] | Floats, plant: Plant) -> Floats:
     """The budget of each device [N], shape (n_devices,); a text has a unit, as "1.5 kN"."""
-    values = np.asarray(_in_si("budget", budget, "N"), dtype=np.float64)
-    if values.shape not in ((), (plant.n_devices,)):
-        raise SettingError(
-            f"budget has {values.size} forces, and the number of devices is {plant.n_devices}; give one for each, or "
-            "one for all"
-        )
+    values = one_for_each("budget", _in_si("budget", budget, "N"), plant.n_devices, "device")
     if not (np.isfinite(values).all() and (values > 0.0).all()):
         raise SettingError(f"budget is {budget} N; give a positive rms force")
-    return np.broadcast_to(values, (plant.n_devices,)).copy()
+    return values
 
 
 def sine_force(device: Device, amplitude: float, velocity: float, command: float) -> Floats:

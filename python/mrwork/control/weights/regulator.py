@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.linear.riccati import LyapunovEquations, solve_riccati
+from mrwork.control.linear.riccati import LyapunovEquations, mean_squares, solve_riccati
 from mrwork.control.weights.system import DesignSystem
 from mrwork.errors import SettingError
 
@@ -126,12 +126,11 @@ def regulate(
             "have use for; give a smaller one"
         ) from error
     X = loop.covariance(system.ground)
-    closed = rows.C - rows.D @ gain
     return Regulated(
         gain=gain,
         riccati=P,
         covariance=X,
-        squares=np.einsum("ij,jk,ik->i", closed, X, closed),
+        squares=mean_squares(rows.C - rows.D @ gain, X),
         cost=float(np.sum(system.ground * P)),
     )
 
@@ -187,5 +186,5 @@ def first_multipliers(system: DesignSystem, rows: SquaredRows) -> Floats:
 def like_a_damper(system: DesignSystem, at: Regulated) -> Floats:
     """c = E[f v] / E[v^2] of each device [N s/m]."""
     both = -np.einsum("ij,jk,ik->i", at.gain, at.covariance, system.rates)
-    rate = np.einsum("ij,jk,ik->i", system.rates, at.covariance, system.rates)
-    return np.asarray(np.maximum(both, 1e-6 * np.abs(both).max()) / rate)
+    rates = mean_squares(system.rates, at.covariance)
+    return np.asarray(np.maximum(both, 1e-6 * np.abs(both).max()) / rates)

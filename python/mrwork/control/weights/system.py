@@ -12,7 +12,7 @@ import scipy
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.plant import Plant, deformation_rates
-from mrwork.control.linear.riccati import LyapunovEquations
+from mrwork.control.linear.riccati import LyapunovEquations, mean_squares
 from mrwork.control.weights.limits import LimitedOutputs, RmsLimits
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity
@@ -40,7 +40,7 @@ class DesignSystem:
 
     def rms_without_control(self) -> Floats:
         """Rms of each limited output without device forces, shape (n_outputs,)."""
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", self.C, self.uncontrolled, self.C)))
+        return np.asarray(np.sqrt(mean_squares(self.C, self.uncontrolled)))
 
     def in_units(self, units: Floats) -> DesignSystem:
         """The system with states in other units: x = units * (new x), shape (n_states,)."""

@@ -11,11 +11,11 @@ from mrwork.base.arguments import checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table, as_json
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.lqr import Weights
 from mrwork.control.linear.plant import Plant
-from mrwork.control.linear.riccati import LyapunovEquations, solve_riccati
+from mrwork.control.linear.riccati import LyapunovEquations, mean_squares, solve_riccati
 from mrwork.control.weights.limits import LimitedOutputs
 from mrwork.control.weights.regulator import DualPoint
 from mrwork.control.weights.system import DesignSystem
@@ -36,9 +36,7 @@ class WeightCertificate(Summarised):
     loop is not stable.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    limits: Floats
+    outputs: LimitedOutputs
     rms: Floats
     forces: Floats
     budgets: Floats
@@ -54,18 +52,17 @@ class WeightCertificate(Summarised):
         return f"ratio {self.law_ratio:.4g} with {self.law_force:.4g} of the budget, from the building's state only"
 
     def _summary(self) -> Summary:
-        rows = [
-            (name, unit, *map(format_rounded, (rms, limit, rms / limit)))
-            for name, unit, rms, limit in (
-                *zip(self.names, self.units, self.rms, self.limits, strict=True),
-                *(
-                    (f"force, device {number}", "N", force, budget)
-                    for number, (force, budget) in enumerate(
-                        zip(self.forces, self.budgets, strict=True), start=1
-                    )
-                ),
-            )
-        ]
+        devices = range(1, len(self.forces) + 1)
+        names = (*self.outputs.names, *(f"force, device {number}" for number in devices))
+        units = (*self.outputs.units, *("N" for _ in devices))
+        rms, limits = np.append(self.rms, self.forces), np.append(self.outputs.limits, self.budgets)
+        columns = (
+            Column("", "output", of=names.__getitem__),
+            Column("", "unit", of=units.__getitem__),
+            Column("", "rms", of=rms.item, shown=format_rounded),
+            Column("", "limit", of=limits.item, shown=format_rounded),
+            Column("", "rms / limit", of=(rms / limits).item, shown=format_rounded),
+        )
         return Summary(
             title="Certificate of a weight design",
             facts=(
@@ -73,7 +70,7 @@ class WeightCertificate(Summarised):
                 ("bound", f"{self.bound:.6g}, gap {self.gap:.1e}"),
                 ("law's gain", self.law_in_words),
             ),
-            tables=[Table(columns=("output", "unit", "rms", "limit", "rms / limit"), rows=rows)],
+            tables=[Table.of(columns, range(len(names)))],
         )
 
 
@@ -85,9 +82,7 @@ def certificate_of(
     rms, forces = rms_under_gain(system, point.regulated.gain)
     law_rms, law_forces = rms_under_gain(system, law_gain @ system.state)
     return WeightCertificate(
-        names=outputs.names,
-        units=outputs.units,
-        limits=limits,
+        outputs=outputs,
         rms=rms,
         forces=forces,
         budgets=budgets,
@@ -105,10 +100,7 @@ def rms_under_gain(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
         X = LyapunovEquations(system.A - system.B @ gain).covariance(system.ground)
     except SettingError:
         return np.full(len(system.C), np.inf), np.full(len(gain), np.inf)
-    squares = (np.einsum("ij,jk,ik->i", rows, X, rows) for rows in (system.C - system.D @ gain, gain))
-    # Of tiny forces rounding may leave a negative square.
-    rms, forces = (np.sqrt(np.maximum(square, 0.0)) for square in squares)
-    return rms, forces
+    return np.sqrt(mean_squares(system.C - system.D @ gain, X)), np.sqrt(mean_squares(gain, X))
 
 
 _UNREACHABLE: Final = RemarkKind(
@@ -211,7 +203,13 @@ class DesignedWeights(Summarised):
         """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
         outputs, spectrum = self.outputs, self.spectrum
         soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
-        bare, ruled = (self.rms_under_ground(controlled=flag).tolist() for flag in (False, True))
+        columns = (
+            Column("name", of=outputs.names.__getitem__),
+            Column("unit", of=outputs.units.__getitem__),
+            Column("limit", of=outputs.limits.item),
+            Column("rms_without_control", of=self.rms_under_ground(controlled=False).item),
+            Column("rms", of=self.rms_under_ground(controlled=True).item),
+        )
         return {
             "ground": [
                 {
@@ -225,12 +223,7 @@ class DesignedWeights(Summarised):
             "budget": self.certificate.budgets.tolist(),
             "least_ratio": self.reachable_ratio,
             "gain": self.gain.tolist(),
-            "outputs": [
-                dict(zip(("name", "unit", "limit", "rms_without_control", "rms"), row, strict=True))
-                for row in zip(
-                    outputs.names, outputs.units, outputs.limits.tolist(), bare, ruled, strict=True
-                )
-            ],
+            "outputs": [as_json(columns, row) for row in range(len(outputs.names))],
         }
 
     @checked
@@ -300,13 +293,13 @@ class DesignedWeights(Summarised):
 
     def _summary(self) -> Summary:
         check = self.certificate
-        rows = [
-            (name, format_rounded(weight), format_rounded(float(rms / limit)))
-            for name, weight, rms, limit in sorted(
-                zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
-                key=lambda row: -row[2] / row[3],
-            )[:_SHOWN]
-        ]
+        over = check.rms / self.outputs.limits
+        columns = (
+            Column("", "output", of=self.outputs.names.__getitem__),
+            Column("", "weight", of=self.output_weights.item, shown=format_rounded),
+            Column("", "rms / limit", of=over.item, shown=format_rounded),
+        )
+        weights = ", ".join(format_rounded(weight) for weight in self.control_weight)
         return Summary(
             title=f"Designed weights for {self.plant.building.name}: least ratio {self.reachable_ratio:.4g}",
             facts=(
@@ -314,12 +307,9 @@ class DesignedWeights(Summarised):
                 ("engine", self.engine),
                 ("certificate", f"gap to the bound {check.gap:.1e}"),
                 ("law's gain", check.law_in_words),
-                (
-                    "control weight",
-                    f"{', '.join(format_rounded(weight) for weight in self.control_weight)} 1/N2",
-                ),
+                ("control weight", f"{weights} 1/N2"),
             ),
-            tables=[Table(columns=("output", "weight", "rms / limit"), rows=rows)],
+            tables=[Table.of(columns, np.argsort(-over, kind="stable")[:_SHOWN].tolist())],
             remarks=self.remarks,
             notes=(*self.origin, *self._reached_in_words[: 1 + _SHOWN]),
         )

@@ -11,10 +11,11 @@ import scipy
 from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import checked
-from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Building, Device, elongation_rows
+from mrwork.base.values import Floats, one_for_each
+from mrwork.buildings.device import Device, elongation_rows
+from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.plant import Plant, deformation_rates, plant_of
-from mrwork.control.linear.riccati import solve_riccati
+from mrwork.control.linear.riccati import mean_squares, solve_riccati
 from mrwork.control.weights.limits import Limit, LimitedOutputs, RmsLimits, SemiActiveCondition, as_forces
 from mrwork.control.weights.regulator import (
     DualPoint,
@@ -117,7 +118,6 @@ def design_weights(
 
 
 def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Floats, tuple[str, ...]]:
-    """Rows of elongation and names of devices."""
     if isinstance(devices, Sequence) and devices and all(isinstance(device, Device) for device in devices):
         named = [device for device in devices if isinstance(device, Device)]
         return elongation_rows(building, named), tuple(device.name for device in named)
@@ -165,15 +165,9 @@ class _Task:
         self.level = float(np.max(whole.rms_without_control() / outputs.limits))
         self.unit, self.damping = np.ones(len(budgets)), np.zeros(len(budgets))
         if semi_active is not None:
-            rates = np.sqrt(np.einsum("ij,jk,ik->i", whole.rates, whole.uncontrolled, whole.rates))
-            self.unit = budgets / rates
+            self.unit = budgets / np.sqrt(mean_squares(whole.rates, whole.uncontrolled))
         if semi_active is not None and semi_active.damping is not None:
-            damping = np.atleast_1d(semi_active.damping)
-            if len(damping) not in (1, len(budgets)):
-                raise SettingError(
-                    f"the semi-active condition has {len(damping)} dampings, and the number of devices is "
-                    f"{len(budgets)}; give one for each, or one for all"
-                )
+            damping = one_for_each("damping", np.squeeze(semi_active.damping), len(budgets), "device")
             self.damping = damping / self.unit
         self.rows = self.rows_of(whole)
         # What adds up the multipliers of the limits, of the budgets, and of the conditions.

@@ -1,0 +1,199 @@
+"""Dampers at one place of a building that follow one command: a device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Column, Table
+from mrwork.base.values import Floats, array_dataclass, keep_arrays
+from mrwork.buildings.plane_building import Building
+from mrwork.dampers.spec import DamperSpec, with_changed_laws
+from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
+from mrwork.errors import SettingError
+
+# A command with a mean above this share of its peak is constant but for the lag of the driver.
+_CONSTANT = 0.9
+
+
+@checked
+@array_dataclass(repr=False)
+class Device(Summarised):
+    """Dampers at one place that follow one command between 0 and `largest_command`.
+
+    `theta` belongs to one damper. The force of the device in responses and laws, and the weights and slopes of a law,
+    count all its dampers together.
+
+    Parameters
+    ----------
+    spec, theta
+        Damper model and its parameters, shape (n_params,), or one row per draw.
+    row
+        Elongation = row @ q, shape (n,): a row of `building.storeys`.
+    largest_command
+        Largest command of the driver [A or V]; a passive model, which follows no command, needs none.
+    count
+        Number of dampers in parallel.
+    differential
+        Whether as many dampers act in the opposite direction, so that constant forces cancel.
+    tested
+        Ranges in which one of the dampers was tested, as `Fit.tested`; `None` if unknown.
+    lag
+        Rate of a first-order lag of the driver [1/s], in place of the lag in `theta`, if there is one. The rate becomes
+        the last parameter of `spec` and `theta`.
+    command
+        Command that the dampers hold [A or V], whatever a law sends; `None` where a law commands them.
+    rated_force, rated_stroke, rated_command
+        Force [N], stroke [m] and largest command [A or V] that one of the dampers is made for, beyond which runs are
+        told; `None` if unknown.
+    """
+
+    _made_by: ClassVar[str] = "mr.Device(name=..., spec=..., theta=..., row=..., largest_command=...)"
+
+    name: str
+    spec: DamperSpec
+    theta: ArrayLike
+    row: ArrayLike
+    largest_command: float = 0.0
+    count: Positive = 1.0
+    differential: bool = False
+    tested: OperatingRange | None = None
+    lag: Positive | None = None
+    command: NotNegative | None = None
+    rated_force: Positive | None = None
+    rated_stroke: Positive | None = None
+    rated_command: Positive | None = None
+
+    def __post_init__(self) -> None:
+        if not self.spec.follows_command:
+            for name in ("lag", "command"):
+                if getattr(self, name) is not None:
+                    raise SettingError(f"{self.name}: a passive damper takes no command; leave `{name}` out")
+            # Nothing follows it.
+            object.__setattr__(self, "largest_command", self.largest_command or 1.0)
+        elif self.lag is not None:
+            self._take_lag(self.lag)
+        keep_arrays(self, "theta", "row")
+        n_params = len(self.spec.parameters)
+        if self.draws.ndim != 2 or self.draws.shape[1] != n_params:
+            raise SettingError(
+                f"{self.name}: `theta` has shape {np.shape(self.theta)}, {self.spec.name} takes ({n_params},) or "
+                f"(n_draws, {n_params})"
+            )
+        if not self.largest_command > 0.0:
+            raise SettingError(
+                f"{self.name}: the largest command is {self.largest_command}; give a positive number"
+            )
+        if self.command is not None and self.command > self.largest_command:
+            raise SettingError(
+                f"{self.name}: it is to hold {self.command:g}, and its driver gives {self.largest_command:g} at most"
+            )
+
+    def _take_lag(self, lag: float) -> None:
+        """Replace the rate of the lag, or append it to model and parameters; from then on it is one of them."""
+        theta = np.atleast_1d(np.array(self.theta, dtype=np.float64))
+        theta = theta[..., : theta.shape[-1] - self.spec.lagged]
+        object.__setattr__(self, "spec", with_changed_laws(self.spec, lagged=True))
+        object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], lag, axis=-1))
+        object.__setattr__(self, "lag", None)
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether a law commands the dampers: they follow a command, and hold none."""
+        return self.spec.follows_command and self.command is None
+
+    @property
+    def draws(self) -> Floats:
+        """Parameters of each draw, shape (n_draws, n_params); one draw where `theta` is one set."""
+        return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))
+
+    @checked
+    def demand(
+        self,
+        *,
+        stroke: NotNegative,
+        velocity: NotNegative,
+        force: NotNegative,
+        energy: float,
+        seconds: Positive,
+        peak_command: NotNegative,
+        mean_command: NotNegative,
+        least_stroke: NotNegative | None = None,
+    ) -> OperatingRange:
+        """Demand of a run on one of the dampers, from peaks and the dissipated energy of all of them.
+
+        The frequency belongs to a sinusoid with the peak velocity and the peak stroke. A command whose mean is within
+        10 % of its peak is taken for constant, any other to start from zero, as every run does. `least_stroke` is
+        defined in `OperatingRange`; `None` where the run has no history.
+        """
+        n_dampers = self.count * (2.0 if self.differential else 1.0)
+        frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
+        command = None
+        if self.command is not None:
+            command = (self.command, self.command)
+        elif self.spec.follows_command:
+            constant = mean_command > _CONSTANT * peak_command
+            command = (peak_command if constant else 0.0, peak_command)
+        return OperatingRange(
+            stroke=stroke,
+            velocity=velocity,
+            frequency=None if frequency is None else (frequency, frequency),
+            command=command,
+            command_unit=None if command is None else self.spec.command_unit,
+            force=force / n_dampers,
+            power=max(0.0, energy / n_dampers / seconds),
+            least_stroke=least_stroke,
+        )
+
+    @property
+    def knows_least_stroke(self) -> bool:
+        """Whether the demand can be below the tested strokes, which only the history of a run shows."""
+        return self.tested is not None and self.tested.least_stroke is not None
+
+    @checked
+    def outside(self, demand: OperatingRange) -> Outside:
+        """Quantities of a demand outside the tested ranges and ratings; laws are at the median of the draws."""
+        outside = outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
+        rated = beyond_rating(
+            demand, force=self.rated_force, stroke=self.rated_stroke, command=self.rated_command
+        )
+        return replace(outside, exceedances=(*rated, *outside.exceedances))
+
+    def _summary(self) -> Summary:
+        values = dict(zip(self.spec.names, np.median(self.draws, axis=0).tolist(), strict=True))
+        columns = (
+            Column("name", "parameter"),
+            Column("name", "value", shown=lambda name: format_rounded(values[name])),
+            Column("unit", "unit"),
+        )
+        return Summary(
+            title=f"Device {self.name}: {self.spec.name}",
+            facts=(
+                ("dampers", f"{self.count:g}{', and as many in opposition' if self.differential else ''}"),
+                ("command", f"0 to {self.largest_command:g}"),
+                ("draws", str(len(self.draws))),
+                ("tested", self.tested.in_words if self.tested else "not known"),
+            ),
+            tables=[Table.of(columns, self.spec.parameters)],
+        )
+
+
+def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
+    """Rows that give elongations of devices from coordinates, shape (n_devices, n); refused where one does not fit."""
+    n = building.check().n_coordinates
+    if not devices:
+        raise SettingError(f"no device was given for {building.name}; give one or more")
+    for device in devices:
+        if np.shape(device.row) != (n,) or not np.any(device.row):
+            raise SettingError(
+                f"{device.name}: `row` has shape {np.shape(device.row)}; {building.name} takes ({n},), not all zero: "
+                "a row of `building.storeys`"
+            )
+    return np.array([device.row for device in devices], dtype=np.float64)
