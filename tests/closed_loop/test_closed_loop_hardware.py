@@ -28,7 +28,7 @@ from mrwork import Device
 from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, simulate_loop
 from mrwork.closed_loop.hardware import refuse_unread
-from mrwork.closed_loop.simulate import loop_observer
+from mrwork.closed_loop.observer import loop_observer
 from mrwork.control import ControlLaw
 from mrwork.control.linear.lqr import observer_of
 from mrwork.control.linear.plant import accelerations, deformations, plant_of, stack_outputs
