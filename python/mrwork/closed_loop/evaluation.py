@@ -270,12 +270,11 @@ class Spread:
         )
 
 
-def is_within_spread(differences: Sequence[float]) -> bool:
+def is_within_spread(numbers: Floats) -> bool:
     """Whether a mean difference over motions is at most two standard errors, so that the motions do not tell it from 0.
 
     Of one motion nothing is told; equal numbers are within their spread.
     """
-    numbers = np.asarray(differences, dtype=np.float64)
     if numbers.size < 2 or not np.isfinite(numbers).all():
         return False
     error = float(np.std(numbers, ddof=1)) / float(np.sqrt(numbers.size))
@@ -286,11 +285,8 @@ def ties_in_words(
     leading: str, scores: Sequence[float], others: Mapping[str, Sequence[float]], noun: str = "motions"
 ) -> tuple[str, ...]:
     """A sentence on the rows that the leading row does not beat by more than the spread over motions."""
-    tied = {
-        label: np.subtract(other, scores)
-        for label, other in others.items()
-        if is_within_spread([one - lead for one, lead in zip(other, scores, strict=True)])
-    }
+    differences = {label: np.subtract(other, scores) for label, other in others.items()}
+    tied = {label: each for label, each in differences.items() if is_within_spread(each)}
     if not tied:
         return ()
     listed = ", ".join(f"{label} ({float(np.mean(tie)):+.3f})" for label, tie in tied.items())

@@ -64,25 +64,6 @@ class LoopVariation(Summarised):
         """Number of realisations."""
         return len(self.buildings)
 
-    @checked
-    def distinct_from(self, building: Building) -> tuple[list[Building], list[int]]:
-        """Distinct buildings, none if all are `building`, and the index of each realisation's own."""
-        if all(own is building for own in self.buildings):
-            return [], [0] * len(self)
-        distinct = list({id(own): own for own in self.buildings}.values())
-        for own in distinct:
-            same = all(
-                np.array_equal(getattr(own, name), getattr(building, name))
-                for name in ("mass", "influence", "floors", "storeys")
-            )
-            if not (same and own.elements == building.elements and np.array_equal(own.loads, building.loads)):
-                raise SettingError(
-                    f"{own.name} is no realisation of {building.name}: it may differ in stiffness and damping only; "
-                    "simulate it in a call of its own"
-                )
-        places = {id(own): index for index, own in enumerate(distinct)}
-        return distinct, [places[id(own)] for own in self.buildings]
-
 
 # Runs of a call of the core, which reports nothing before its end: a few, then so many as take some time [s].
 _RUNS_AT_A_TIME = 4096
@@ -224,7 +205,7 @@ def simulate_loop(
             f"the devices have {n_draws} draws, and there are {len(variation)} realisations; give as many of both, or "
             "one draw"
         )
-    varied, places = variation.distinct_from(building)
+    varied, places = _distinct(variation.buildings, building)
     if not varied and building.site_stiffness is not building.stiffness:
         # The law's own building stays elastic.
         varied = [building]
@@ -280,6 +261,25 @@ def simulate_loop(
     else:
         parts, order = _respond_elsewhere(workers, loop, runs, on_progress), np.arange(len(runs.runs))
     return _responses(core, runs, parts, order, varied or [building], factors)
+
+
+def _distinct(buildings: Sequence[Building], building: Building) -> tuple[list[Building], list[int]]:
+    """Distinct ones of the buildings of realisations, none if all are `building`, and the index of each one's own."""
+    if all(own is building for own in buildings):
+        return [], [0] * len(buildings)
+    distinct = list({id(own): own for own in buildings}.values())
+    for own in distinct:
+        same = all(
+            np.array_equal(getattr(own, name), getattr(building, name))
+            for name in ("mass", "influence", "floors", "storeys")
+        )
+        if not (same and own.elements == building.elements and np.array_equal(own.loads, building.loads)):
+            raise SettingError(
+                f"{own.name} is no realisation of {building.name}: it may differ in stiffness and damping only; "
+                "simulate it in a call of its own"
+            )
+    places = {id(own): index for index, own in enumerate(distinct)}
+    return distinct, [places[id(own)] for own in buildings]
 
 
 def _respond_here(
