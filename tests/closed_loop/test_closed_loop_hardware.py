@@ -210,7 +210,7 @@ def test_noise_of_accelerations_and_drifts_goes_through_the_observer(storeys: tu
         tables={"shares": [0.0, 1.0, 0.0, 1.0]},
     )
     seen = read(run_of(loop, law, hardware, still(N_NOISE * 1e-3)).command[:, 0], scale)
-    observer = loop_observer(five_storeys(), loop, hardware, range(5))
+    observer = loop_observer(five_storeys(), loop, hardware)
     noise = np.diag([0.2**2] * 5 + [0.0] + [2e-3**2] * len(storeys))
     covariance = scipy.linalg.solve_discrete_lyapunov(
         observer.Ad - observer.gain @ observer.C, observer.gain @ noise @ observer.gain.T
@@ -230,7 +230,7 @@ def test_sensors_of_a_known_ground_err_alike_in_the_first_mode() -> None:
         intensity = np.append(np.full(5, 1.0 / ratio), 1.0 / ratio / squared**2)
         expected = observer_of(plant, seen, 1e-3, noise_intensity=intensity)
         found = loop_observer(
-            building, loop, Hardware(feedback="observer", known_ground=True, noise_ratio=ratio), range(5)
+            building, loop, Hardware(feedback="observer", known_ground=True, noise_ratio=ratio)
         )
         np.testing.assert_allclose(found.gain, expected.gain, rtol=1e-6)
 
@@ -411,7 +411,7 @@ def test_a_kinematic_observer_is_a_steady_filter_of_double_integrators() -> None
         gain = A @ P @ C.T / (C @ P @ C.T + noise)
         P = A @ P @ A.T - gain @ C @ P @ A.T + np.outer(b, b) / Ts
     # Of coordinates that all drifts correct the gains are others, but each is a sum of storeys where errors are alike.
-    observer = loop_observer(frame, onlookers(), KINEMATIC, range(5))
+    observer = loop_observer(frame, onlookers(), KINEMATIC)
     state, expected = np.zeros(10), []
     for number in range(len(run.time)):
         expected.append(state)

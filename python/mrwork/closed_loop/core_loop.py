@@ -66,8 +66,7 @@ class RunsOfLoop:
 class LoopOfRuns:
     """What the runs of a call share, in values that can be sent to another process; designs are made already.
 
-    The gains of `law` are zeros, `varied` are pairs of damping and stiffness, and the observer, if
-    there is one, measures the accelerations of `floors`.
+    The gains of `law` are zeros, `varied` are pairs of damping and stiffness.
     """
 
     building: Building
@@ -75,7 +74,6 @@ class LoopOfRuns:
     devices: tuple[Device, ...]
     law: ControlLaw
     hardware: Hardware
-    floors: tuple[int, ...]
     observer: Observer | None
     motions: tuple[GroundMotion, ...]
     step_factor: int
@@ -101,7 +99,7 @@ class LoopOfRuns:
                 building=building,
                 observer=None
                 if self.observer is None
-                else core_observer(self.observer, self.floors, len(self.devices), self.hardware),
+                else core_observer(self.observer, self.building, self.devices, self.hardware),
                 waves=[(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in self.motions],
             )
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.base.arguments import AnyNumbers, Whole
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
@@ -22,7 +23,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.buildings.matrices import DRIFT_RATIOS, Building
 from mrwork.closed_loop.responses import quantity_named
-from mrwork.errors import UnknownNameError
 
 Scale = Literal["", "weight", "height", "yield drift", "stability"]
 
@@ -196,11 +196,8 @@ def criteria() -> tuple[Criterion, ...]:
 
 def criterion(name: str) -> Criterion:
     """The criterion of a name, such as `peak_drift`; an unknown name is refused with those that there are."""
-    for entry in _CRITERIA:
-        if entry.name == name:
-            return entry
-    names = ", ".join(entry.name for entry in _CRITERIA)
-    raise UnknownNameError(f"no criterion is called {name!r}; choose from {names}")
+    check_known(name, [entry.name for entry in _CRITERIA], f"no criterion is called {name!r}")
+    return next(entry for entry in _CRITERIA if entry.name == name)
 
 
 def values(responses: object, scales: Scales) -> dict[str, Floats]:

@@ -18,10 +18,14 @@ from mrwork.control.linear.plant import Plant, accelerations, deformations, drif
 from mrwork.errors import MrworkWarning, SettingError
 
 
-def loop_observer(
-    building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
-) -> Observer:
-    """The observer of a loop: accelerations of these floors, deformations of all devices, drifts that are measured."""
+def _floors_of(building: Building, hardware: Hardware) -> list[int]:
+    """Floors whose accelerations an observer takes: all, unless the hardware names some."""
+    return [*(range(len(building.floors)) if hardware.measured_floors is None else hardware.measured_floors)]
+
+
+def loop_observer(building: Building, devices: Sequence[Device], hardware: Hardware) -> Observer:
+    """The observer of a loop: accelerations of floors, deformations of all devices, drifts that are measured."""
+    floors = _floors_of(building, hardware)
     for noun, rows, measured in (
         ("storeys", building.storeys, hardware.measured_storeys), ("floors", building.floors, floors)
     ):  # fmt: skip
@@ -30,7 +34,7 @@ def loop_observer(
                 f"{building.name} has {len(rows)} {noun}, counted from 0; {unknown} do not exist"
             )
     rows, names = elongation_rows(building, devices), [device.name for device in devices]
-    asked = building, rows.tolist(), names, list(floors), replace(hardware, seed=0, faults=())
+    asked = building, rows.tolist(), names, replace(hardware, seed=0, faults=())
     for key, observer in _OBSERVERS:
         if key == asked:
             return observer
@@ -47,12 +51,10 @@ def loop_observer(
 
 
 # Loops of a study share the observer, which takes seconds for hundreds of floors.
-_OBSERVERS: deque[tuple[tuple[Building, list[Any], list[str], list[int], Hardware], Observer]] = deque(
-    maxlen=4
-)
+_OBSERVERS: deque[tuple[tuple[Building, list[Any], list[str], Hardware], Observer]] = deque(maxlen=4)
 
 
-def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) -> Observer:
+def _design_observer(plant: Plant, hardware: Hardware, floors: list[int]) -> Observer:
     devices = plant.device_names
     accelerated = stretched = 1.0 / hardware.noise_ratio
     if hardware.observes_ground:
@@ -60,10 +62,10 @@ def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) ->
         # acceleration that goes with it in the first mode.
         stretched /= (2.0 * np.pi * float(plant.building.frequencies[0])) ** 4
     if hardware.kinematic:
-        if list(floors) != list(range(plant.n_coordinates)):
+        if floors != list(range(plant.n_coordinates)):
             raise SettingError(
                 f"a kinematic observer integrates the accelerations of all floors, and `measured_floors` are "
-                f"{list(floors)}, counted from 0; leave `measured_floors` out"
+                f"{floors}, counted from 0; leave `measured_floors` out"
             )
         storeys = hardware.measured_storeys
         return kinematic_observer_of(plant.building, len(devices), storeys, hardware.sample_time, stretched)
@@ -81,12 +83,12 @@ def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) ->
 
 
 def core_observer(
-    observer: Observer, floors: Sequence[int], n_devices: int, hardware: Hardware
+    observer: Observer, building: Building, devices: Sequence[Device], hardware: Hardware
 ) -> _rust.Observer:
-    """An observer of these floors and devices, as the core takes it."""
+    """An observer of the loop of a building with devices, as the core takes it."""
     return _rust.Observer(
-        accelerations=list(floors),
-        deformations=range(n_devices),
+        accelerations=_floors_of(building, hardware),
+        deformations=range(len(devices)),
         transition=np.ascontiguousarray(observer.Ad),
         input=np.ascontiguousarray(observer.Bd),
         gain=np.ascontiguousarray(observer.gain),

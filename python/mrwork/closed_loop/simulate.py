@@ -212,12 +212,10 @@ def simulate_loop(
     changes = variation.changes
     if changes is not None and len(gains) > 1:
         raise SettingError(f"the gains are of {len(gains)} candidates; give changes of the gains of one")
-    floors, observer = hardware.measured_floors, None
-    if floors is None:
-        floors = tuple(range(len((nominal or building).floors)))
+    observer = None
     if hardware.feedback != "state":
         with core_refusals():
-            observer = loop_observer(nominal or building, devices, hardware, floors)
+            observer = loop_observer(nominal or building, devices, hardware)
     shapes = {gain.name: gain.shape_for(len(driven), n_states) for gain in law.spec.gains}
     zeros = {name: np.zeros(shape) for name, shape in shapes.items() if name in law.gains}
     loop = LoopOfRuns(
@@ -227,7 +225,6 @@ def simulate_loop(
         # As its candidates share it: with gains of zero, which belong to no candidate.
         law=replace(law, gains=zeros, weights=None, margins=None, notes=()),
         hardware=hardware,
-        floors=floors,
         observer=observer,
         motions=tuple(motions),
         step_factor=step_factor,
