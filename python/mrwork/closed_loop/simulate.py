@@ -161,9 +161,10 @@ def simulate_loop(
     n_states = 2 * len(building.check().mass)
     gains = law.gain_rows(len(driven), n_states)
     shaping, counts = _core_shaping(law, shaping), {"gains": len(gains)}
+    slope = math.inf
     if shaping is not None:
-        refuse_rate(devices, float(shaping[:, 1].min()), "command_slope")
-        counts["`shaping`"] = len(shaping)
+        slope, counts["`shaping`"] = float(shaping[:, 1].min()), len(shaping)
+        refuse_rate(devices, slope, "command_slope")
     actuators = law.spec.commands_force
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
@@ -182,7 +183,6 @@ def simulate_loop(
     n_draws = len(theta[-1])
     factors: Floats | None = None
     if largest_commands is not None:
-        slope = math.inf if shaping is None else float(shaping[:, 1].min())
         factors = _command_factors(law, hardware, driven, largest_commands, slope, histories=histories)
         factors = np.hstack([factors, np.ones((len(factors), len(devices) - len(driven)))])
         counts["`largest_commands`"] = len(factors)
@@ -479,9 +479,7 @@ def _command_factors(
         raise SettingError(
             f"{law.name} sends commands that are no share of the largest one; simulate devices of that largest command"
         )
-    faulty = any(fault.channel == "command" for fault in hardware.faults)
-    limited = np.isfinite(min(hardware.command_rate, slope))
-    if histories or faulty or limited:
+    if histories or hardware.changes_command or math.isfinite(slope):
         raise SettingError(
             "largest commands of candidates go with neither histories nor a rate limit or faults of the command; "
             "simulate devices of that largest command"

@@ -75,10 +75,9 @@ class Bench(Summarised):
         Candidates whose largest commands differ are simulated together where the law sends a share of it. A single
         candidate is simulated as in a study, to the bit.
         """
-        runs, hardware = self._empty(len(candidates)), self.study.hardware
-        slopes = (hardware.command_rate, *(candidate.shape[1] for candidate in candidates))
-        sound = not any(fault.channel == "command" for fault in hardware.faults)
-        alike = control_law(law).sends_share and sound and all(map(math.isinf, slopes))
+        runs = self._empty(len(candidates))
+        unlimited = all(math.isinf(candidate.shape[1]) for candidate in candidates)
+        alike = control_law(law).sends_share and unlimited and not self.case.hardware.changes_command
         together = alike and len(candidates) > 1
         levels = [candidate.largest_command for candidate in candidates]
         for level in [math.inf] if together else dict.fromkeys(levels):
