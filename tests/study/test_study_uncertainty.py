@@ -47,16 +47,15 @@ def test_every_row_has_bands_about_its_nominal_values(tmp_path: Path) -> None:
     assert document["realisations"] == 4
 
 
-def simulated(given: mr.Study, realisations: Any) -> Any:
-    """Criteria of the law of a study, for realisations."""
+def case_of(given: mr.Study, realisations: Any) -> LoopCase:
+    """The law of a study, for realisations."""
     arrangement = next(each for each in given.arrangements if each.row.kind == "controller")
-    return LoopCase(
-        arrangement=arrangement,
-        motions=given.grounds,
-        hardware=given.hardware,
-        realisations=realisations,
-        threads=1,
-    ).criteria()
+    where = {"motions": given.grounds, "hardware": given.hardware, "threads": 1}
+    return LoopCase(arrangement=arrangement, realisations=realisations, **where)
+
+
+def simulated(given: mr.Study, realisations: Any) -> Any:
+    return case_of(given, realisations).criteria()
 
 
 def test_the_nominal_realisation_gives_the_bits_of_the_study(tmp_path: Path) -> None:
@@ -113,13 +112,7 @@ def test_storeys_that_yield_vary_in_stiffness_and_strength_and_keep_their_yield_
     realisations = replace(
         one, stiffness=np.array([1.0, 0.8]), damping=np.ones(2), delay=np.zeros(2), seed=np.arange(2)
     )
-    case = LoopCase(
-        arrangement=arrangement,
-        motions=given.grounds,
-        hardware=given.hardware,
-        realisations=realisations,
-        threads=1,
-    )
+    case = replace(case_of(given, realisations), arrangement=arrangement)
     found = case.criteria()
     assert found.axes["realisation"] == ("1", "2")
     assert (found.numbers["peak_ductility"] > 1.5).any()

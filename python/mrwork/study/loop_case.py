@@ -107,15 +107,11 @@ class LoopCase:
         one law, two candidates for each follow it, whose responses are moved by `REACH` along the slopes and against.
         Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own.
         """
-        arrangement, motions = self.arrangement, self.motions
-        devices = arrangement.devices
+        arrangement, devices = self.arrangement, self.arrangement.devices
         realisations = nominal(devices) if self.realisations is None else self.realisations
-        yields, count = (
-            any(element.in_stiffness for element in arrangement.building.elements),
-            len(realisations),
-        )
+        count, yields = len(realisations), any(each.in_stiffness for each in arrangement.building.elements)
         if yields and count > 1 and (realisations.stiffness != 1.0).any():
-            each = [
+            calls = [
                 replace(
                     self,
                     realisations=realisations.alone(index),
@@ -123,7 +119,7 @@ class LoopCase:
                 ).criteria(largest_commands=largest_commands, shaping=shaping, changes=changes)
                 for index in range(count)
             ]
-            return reduce(Runs.beside, each).with_labels("realisation", numbered(count))
+            return reduce(Runs.beside, calls).with_labels("realisation", numbered(count))
         noisy = any(noise for noise, _ in self.hardware.sensors)
         vary = cache(partial(vary_building, arrangement))
         varied = tuple(map(vary, realisations.stiffness.tolist(), realisations.damping.tolist()))
@@ -142,7 +138,7 @@ class LoopCase:
         )
         if changes is not None:
             responses = _beside(responses)
-        runs = runs_of(responses, arrangement, candidate_axes(responses.shape[0], motions, count))
+        runs = runs_of(responses, arrangement, candidate_axes(responses.shape[0], self.motions, count))
         return runs.criteria(scales_of(arrangement), command_unit_of(devices))
 
 
