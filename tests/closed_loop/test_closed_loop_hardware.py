@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Literal
 
@@ -28,7 +29,7 @@ from mrwork import Device
 from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, simulate_loop
 from mrwork.closed_loop.hardware import refuse_unread
-from mrwork.closed_loop.simulate import loop_observer
+from mrwork.closed_loop.observer import loop_observer
 from mrwork.control import ControlLaw
 from mrwork.control.linear.lqr import observer_of
 from mrwork.control.linear.plant import accelerations, deformations, plant_of, stack_outputs
@@ -133,13 +134,18 @@ def noisy(hardware: Hardware, law: ControlLaw | None = None, scale: float = 0.01
     return read(run_of(onlookers(), law, hardware, still(N_NOISE * 1e-3 + 5e-4)).command, scale)
 
 
+def assert_of_unit_deviation(seen: Floats) -> float:
+    """Within four standard errors, nothing is random but for the seed; the root of the number of samples."""
+    root = float(np.sqrt(len(seen)))
+    assert np.all(np.abs(seen.mean(axis=0)) < 4.0 / root)
+    assert np.all(np.abs(seen.var(axis=0) - 1.0) < 4.0 * np.sqrt(2.0) / root)
+    return root
+
+
 def test_noise_is_normal_and_white_and_of_the_stated_deviation() -> None:
     seen = noisy(Hardware(deformation_noise=1e-3)) / 1e-3
     assert len(seen) == N_NOISE
-    # Bounds of four standard errors; nothing is random but for the seed.
-    root = np.sqrt(N_NOISE)
-    assert np.all(np.abs(seen.mean(axis=0)) < 4.0 / root)
-    assert np.all(np.abs(seen.var(axis=0) - 1.0) < 4.0 * np.sqrt(2.0) / root)
+    root = assert_of_unit_deviation(seen)
     assert np.all(np.abs(np.mean(seen**4, axis=0) - 3.0) < 4.0 * np.sqrt(96.0) / root)
     for lag in (1, 2, 7):
         assert np.all(np.abs(np.mean(seen[lag:] * seen[:-lag], axis=0)) < 4.0 / root)
@@ -204,7 +210,7 @@ def test_noise_of_accelerations_and_drifts_goes_through_the_observer(storeys: tu
         tables={"shares": [0.0, 1.0, 0.0, 1.0]},
     )
     seen = read(run_of(loop, law, hardware, still(N_NOISE * 1e-3)).command[:, 0], scale)
-    observer = loop_observer(five_storeys(), loop, hardware, range(5))
+    observer = loop_observer(five_storeys(), loop, hardware)
     noise = np.diag([0.2**2] * 5 + [0.0] + [2e-3**2] * len(storeys))
     covariance = scipy.linalg.solve_discrete_lyapunov(
         observer.Ad - observer.gain @ observer.C, observer.gain @ noise @ observer.gain.T
@@ -224,7 +230,7 @@ def test_sensors_of_a_known_ground_err_alike_in_the_first_mode() -> None:
         intensity = np.append(np.full(5, 1.0 / ratio), 1.0 / ratio / squared**2)
         expected = observer_of(plant, seen, 1e-3, noise_intensity=intensity)
         found = loop_observer(
-            building, loop, Hardware(feedback="observer", known_ground=True, noise_ratio=ratio), range(5)
+            building, loop, Hardware(feedback="observer", known_ground=True, noise_ratio=ratio)
         )
         np.testing.assert_allclose(found.gain, expected.gain, rtol=1e-6)
 
@@ -235,19 +241,18 @@ def test_a_sensor_of_steps_reads_the_nearest_of_them() -> None:
     seen = read(run.command, 0.02)
     np.testing.assert_allclose(seen, np.round(run.deformation / resolution) * resolution, atol=1e-12)
     assert len(np.unique(seen.round(9))) > 10
-
-
-def test_a_force_sensor_of_steps_reads_the_nearest_of_them() -> None:
     loop = devices(rd1005())
     law = law_with_gains("proportional_clipped_optimal", plant_with(loop))
     run = run_of(loop, law, Hardware(force_resolution=50.0))
-    seen = Recorded.of(law, five_storeys(), loop, sweep(1.0), run, 1e-3)
-    stepped = replace(seen, force=50.0 * np.round(run.force / 50.0))
+    exact = Recorded.of(law, five_storeys(), loop, sweep(1.0), run, 1e-3)
+    stepped = replace(exact, force=50.0 * np.round(run.force / 50.0))
     np.testing.assert_allclose(run.command, commands(stepped), atol=1e-9)
-    assert np.abs(commands(seen) - run.command).max() > 1e-3
+    assert np.abs(commands(exact) - run.command).max() > 1e-3
 
 
-def readings(signal: str, hardware: Hardware, motion: GroundMotion | None = None) -> tuple[Floats, History]:
+def readings(
+    signal: str, hardware: Hardware, motion: GroundMotion | None = None, building: Building | None = None
+) -> tuple[Floats, History]:
     """What a law in Python has read of a signal, shape (n_samples, ...), and the run."""
     seen: list[Floats] = []
 
@@ -255,7 +260,7 @@ def readings(signal: str, hardware: Hardware, motion: GroundMotion | None = None
         seen.append(getattr(sample, signal)[0])
         return np.zeros_like(sample.rate)
 
-    run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion)
+    run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion, building)
     return np.array(seen), run
 
 
@@ -303,9 +308,7 @@ def test_a_law_in_python_reads_the_drifts_of_the_measured_storeys() -> None:
 def test_noise_of_the_drifts_is_of_the_stated_deviation_and_its_own() -> None:
     seen, _ = readings("drift", Hardware(measured_storeys=(0, 1), drift_noise=1e-3), still(N_NOISE * 1e-3))
     seen = seen / 1e-3
-    root = np.sqrt(len(seen))
-    assert np.all(np.abs(seen.mean(axis=0)) < 4.0 / root)
-    assert np.all(np.abs(seen.var(axis=0) - 1.0) < 4.0 * np.sqrt(2.0) / root)
+    root = assert_of_unit_deviation(seen)
     assert abs(np.mean(seen[:, 0] * seen[:, 1])) < 4.0 / root
     other = noisy(Hardware(deformation_noise=1e-3))[: len(seen), 0] / 1e-3
     assert abs(np.mean(seen[: len(other), 0] * other)) < 4.0 / root
@@ -314,10 +317,8 @@ def test_noise_of_the_drifts_is_of_the_stated_deviation_and_its_own() -> None:
 def test_the_sensor_of_the_ground_has_noise_resolution_and_faults() -> None:
     quiet = still(N_NOISE * 1e-3)
     seen = ground_readings(Hardware(ground_acceleration_noise=0.02), quiet) / 0.02
-    # Bounds of four standard errors, and noise of its own: not that of the deformations.
-    root = np.sqrt(len(seen))
-    assert abs(seen.mean()) < 4.0 / root
-    assert abs(seen.var() - 1.0) < 4.0 * np.sqrt(2.0) / root
+    root = assert_of_unit_deviation(seen)
+    # It is noise of its own: not that of the deformations.
     other = noisy(Hardware(deformation_noise=1e-3))[: len(seen), 0] / 1e-3
     assert abs(np.mean(seen[: len(other)] * other)) < 4.0 / root
     motion = sweep(1.0)
@@ -396,24 +397,12 @@ def test_the_observer_comes_to_the_state() -> None:
     assert np.all(error[2000:].max(axis=0) < 0.02 * size)
 
 
-def estimates(frame: Building, hardware: Hardware) -> tuple[Floats, History]:
-    """Displacements and velocities that a law in Python has read, shape (n_samples, 10), and the run."""
-    seen: list[Floats] = []
-
-    def command(sample: LoopSample, memory: Floats) -> Floats:
-        seen.append(sample.state[0])
-        return np.zeros_like(sample.rate)
-
-    run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware, sweep(1.0), frame)
-    return np.array(seen), run
-
-
 KINEMATIC = Hardware(feedback="observer", kinematic=True, measured_storeys=(0, 1, 2, 3, 4))
 
 
 def test_a_kinematic_observer_is_a_steady_filter_of_double_integrators() -> None:
     frame, Ts = five_storeys(), 1e-3
-    seen, run = estimates(frame, KINEMATIC)
+    seen, run = readings("state", KINEMATIC, building=frame)
     # The covariance by iteration, of one storey: drifts are integrated on their own.
     A, b, C = np.array([[1.0, Ts], [0.0, 1.0]]), np.array([0.5 * Ts**2, Ts]), np.array([[1.0, 0.0]])
     noise = 1.0 / 50.0 / (2.0 * np.pi * frame.frequencies[0]) ** 4 / Ts
@@ -422,7 +411,7 @@ def test_a_kinematic_observer_is_a_steady_filter_of_double_integrators() -> None
         gain = A @ P @ C.T / (C @ P @ C.T + noise)
         P = A @ P @ A.T - gain @ C @ P @ A.T + np.outer(b, b) / Ts
     # Of coordinates that all drifts correct the gains are others, but each is a sum of storeys where errors are alike.
-    observer = loop_observer(frame, onlookers(), KINEMATIC, range(5))
+    observer = loop_observer(frame, onlookers(), KINEMATIC)
     state, expected = np.zeros(10), []
     for number in range(len(run.time)):
         expected.append(state)
@@ -447,11 +436,9 @@ def test_a_kinematic_observer_is_as_near_on_a_frame_that_yields() -> None:
         ("yielding", frame, KINEMATIC),
         ("linear", frame, replace(KINEMATIC, kinematic=False, measured_storeys=(), known_ground=True)),
     ):
-        if name == "linear":
-            with pytest.warns(MrworkWarning, match="kinematic"):
-                seen, run = estimates(of, hardware)
-        else:
-            seen, run = estimates(of, hardware)
+        told = pytest.warns(MrworkWarning, match="kinematic") if name == "linear" else nullcontext()
+        with told:
+            seen, run = readings("state", hardware, building=of)
         errors[name] = np.abs(seen - run.state)[:, :5].max() / np.abs(run.state[:, :5]).max()
         if of is frame:
             assert np.abs(run.drift).max() > 1.5 * 4e-4

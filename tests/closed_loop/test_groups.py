@@ -258,46 +258,36 @@ def test_what_cannot_stand_side_by_side_is_refused() -> None:
     building, law = five_storeys(), ControlLaw(name="passive", gains={"command": [1.0]})
     passive = replace(group("linear"), name="plain", spec=PLAIN, theta=[400.0, 0.02, 200.0, 0.0])
     held, _ = held_and_constant()
-    for one, other, word in (
-        (passive, group("linear"), "first"),
-        (held, group("linear"), "first"),
-    ):
-        loop = [one, replace(other, row=building.storeys[1])]
-        refusal(simulate_loop, building, loop, law, [sweep()], match=word)
+    for beside in (passive, held):
+        loop = [beside, replace(group("linear"), row=building.storeys[1])]
+        refusal(simulate_loop, building, loop, law, [sweep()], match="first")
     refusal(replace, held, command=1.5, match="1 at most")
     refusal(replace, passive, command=0.5, match="takes no command")
 
 
+BANG_BANG = ControlLaw(name="decentralised_bang_bang", gains={})
+
+
+def assert_limited(loop: Sequence[Device], of_devices: Mapping[float, Sequence[float]]) -> None:
+    """Candidates of these largest commands, each with those of its devices, are such devices alone."""
+    many = simulate_loop(five_storeys(), loop, BANG_BANG, [sweep()], largest_commands=[*of_devices])
+    for candidate, largest in enumerate(of_devices.values()):
+        limited = [replace(each, largest_command=most) for each, most in zip(loop, largest, strict=True)]
+        alone = simulate_loop(five_storeys(), limited, BANG_BANG, [sweep()])
+        np.testing.assert_allclose(many.peak_drift[candidate], alone.peak_drift[0], rtol=1e-9)
+        np.testing.assert_allclose(many.peak_current[candidate], alone.peak_current[0], rtol=1e-9)
+
+
 def test_largest_commands_are_shares_where_dampers_follow_currents_and_voltages() -> None:
     loop = [group("linear"), group("quadratic", storey=1, largest=0.8, unit="V")]
-    law = ControlLaw(name="decentralised_bang_bang", gains={})
-    many = simulate_loop(five_storeys(), loop, law, [sweep()], largest_commands=[0.5, 1.0])
-    for candidate, share in enumerate((0.5, 1.0)):
-        limited = [replace(each, largest_command=share * each.largest_command) for each in loop]
-        alone = simulate_loop(five_storeys(), limited, law, [sweep()])
-        np.testing.assert_allclose(many.peak_drift[candidate], alone.peak_drift[0], rtol=1e-9)
-        np.testing.assert_allclose(many.peak_current[candidate], [share * 1.5, share * 0.8])
+    assert_limited(loop, {0.5: (0.75, 0.4), 1.0: (1.5, 0.8)})
+    inputs = five_storeys(), loop, BANG_BANG, [sweep()]
     for largest in (1.5, 0.0):
-        refusal(
-            simulate_loop,
-            five_storeys(),
-            loop,
-            law,
-            [sweep()],
-            largest_commands=[largest],
-            match="largest_commands",
-        )
-    hardware = mr.Hardware(command_rate=10.0)
-    refusal(simulate_loop, five_storeys(), loop, law, [sweep()], hardware, match="command_rate")
+        refusal(simulate_loop, *inputs, largest_commands=[largest], match="largest_commands")
+    refusal(simulate_loop, *inputs, mr.Hardware(command_rate=10.0), match="command_rate")
 
 
 def test_a_device_gets_no_more_than_its_own_largest_command() -> None:
     small, large = devices(friction())
     loop = [replace(small, largest_command=0.5), replace(large, largest_command=1.5)]
-    law = ControlLaw(name="decentralised_bang_bang", gains={})
-    many = simulate_loop(five_storeys(), loop, law, [sweep()], largest_commands=[0.25, 1.0, 1.5])
-    for candidate, largest in enumerate((0.25, 1.0, 1.5)):
-        limited = [replace(each, largest_command=min(each.largest_command, largest)) for each in loop]
-        alone = simulate_loop(five_storeys(), limited, law, [sweep()])
-        np.testing.assert_allclose(many.peak_drift[candidate], alone.peak_drift[0], rtol=1e-9)
-        np.testing.assert_allclose(many.peak_current[candidate], alone.peak_current[0], rtol=1e-9)
+    assert_limited(loop, {0.25: (0.25, 0.25), 1.0: (0.5, 1.0), 1.5: (0.5, 1.5)})

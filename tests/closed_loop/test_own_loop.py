@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import own_dampers
 import pytest
+from refusals import refusal
 
 import mrwork as mr
-from mrwork.closed_loop import Hardware, Responses, simulate_loop
+from mrwork.closed_loop import Hardware, LoopVariation, Responses, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.dampers import DamperSpec
 
@@ -127,3 +128,12 @@ def test_dampers_without_states(law: ControlLaw, differential: bool) -> None:
     ]
     agree(*runs)
     assert 0.0 < runs[0].mean_current[0, 0] < 2.0
+
+
+def test_slopes_of_dampers_of_the_user_are_refused() -> None:
+    along = LoopVariation(
+        buildings=(FRAME,), delay=np.zeros(1), seed=np.zeros(1, int), changes=np.ones((1, 4))
+    )
+    loop = [device(STATIC[0].with_current_laws(STATIC_LAWS), STATIC_THETA)]
+    law = ControlLaw(name="clipped_optimal", gains={"gain": GAIN})
+    refusal(simulate_loop, FRAME, loop, law, MOTIONS[:1], variation=along, match="has no slopes")

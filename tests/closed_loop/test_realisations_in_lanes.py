@@ -12,7 +12,8 @@ from refusals import refusal
 
 from mrwork.buildings import Building, with_yielding_damper
 from mrwork.closed_loop import Hardware, LoopSample, Responses, UserLaw, simulate_loop
-from mrwork.closed_loop.simulate import LoopVariation, RunsOfLoop
+from mrwork.closed_loop.core_loop import RunsOfLoop
+from mrwork.closed_loop.simulate import LoopVariation
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 

@@ -18,7 +18,7 @@ from mrwork.closed_loop.evaluation import criterion
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import Interrupted
 from mrwork.study.folder import study_document
-from mrwork.study.loop_runs import simulate_criteria, vary_building
+from mrwork.study.loop_case import LoopCase, vary_building
 from mrwork.study.realisations import nominal
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import Arrangement, Row
@@ -47,10 +47,15 @@ def test_every_row_has_bands_about_its_nominal_values(tmp_path: Path) -> None:
     assert document["realisations"] == 4
 
 
-def simulated(given: mr.Study, realisations: Any) -> Any:
-    """Criteria of the law of a study, for realisations."""
+def case_of(given: mr.Study, realisations: Any) -> LoopCase:
+    """The law of a study, for realisations."""
     arrangement = next(each for each in given.arrangements if each.row.kind == "controller")
-    return simulate_criteria(arrangement, given.grounds, given.hardware, realisations, threads=1)
+    where = {"motions": given.grounds, "hardware": given.hardware, "threads": 1}
+    return LoopCase(arrangement=arrangement, realisations=realisations, **where)
+
+
+def simulated(given: mr.Study, realisations: Any) -> Any:
+    return case_of(given, realisations).criteria()
 
 
 def test_the_nominal_realisation_gives_the_bits_of_the_study(tmp_path: Path) -> None:
@@ -107,13 +112,13 @@ def test_storeys_that_yield_vary_in_stiffness_and_strength_and_keep_their_yield_
     realisations = replace(
         one, stiffness=np.array([1.0, 0.8]), damping=np.ones(2), delay=np.zeros(2), seed=np.arange(2)
     )
-    inputs = (given.grounds, given.hardware)
-    found = simulate_criteria(arrangement, *inputs, realisations, threads=1)
+    case = replace(case_of(given, realisations), arrangement=arrangement)
+    found = case.criteria()
     assert found.axes["realisation"] == ("1", "2")
     assert (found.numbers["peak_ductility"] > 1.5).any()
     for place, building in enumerate((frame, soft)):
         alone = replace(arrangement, building=building)
-        expected = simulate_criteria(alone, *inputs, one, threads=1)
+        expected = replace(case, arrangement=alone, realisations=one).criteria()
         for name, array in found.numbers.items():
             np.testing.assert_allclose(array[..., place], expected.numbers[name][..., 0], rtol=1e-9)
 

@@ -15,6 +15,7 @@ import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
+from mrwork.study.loop_case import training_case
 from mrwork.study.results import bands_over
 from mrwork.study.run import unrun
 from mrwork.tuning import TuningResults, tune
@@ -225,7 +226,7 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command() -> Non
 def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_of_single_ones(
     study: mr.Study, law: str
 ) -> None:
-    bench = Bench(study=study, threads=1)
+    bench = Bench(study=study, case=training_case(study, threads=1))
     settings = {"drifts": 1.0, "control_weight": 1e-13} if law == "clipped_optimal" else {}
     candidates = [LawCandidate({**settings, "largest_command": largest}) for largest in (0.3, 1.0, 1.88)]
     together, alone = bench.run(law, candidates), [bench.run(law, [each]) for each in candidates]

@@ -11,6 +11,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.study import TuneTable
+from mrwork.study.loop_case import training_case
 from mrwork.tuning import tune
 from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.law_plan import Bench
@@ -54,7 +55,8 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
 
 
 def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> None:
-    bench = Bench(study=tuning_samples.small_study(), threads=1)
+    study = tuning_samples.small_study()
+    bench = Bench(study=study, case=training_case(study, threads=1))
     shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
     for name, settings in (
         ("clipped_optimal", {"drifts": 1.0, "control_weight": 1e-12}),

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.base.arguments import AnyNumbers, Whole
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
@@ -23,7 +24,6 @@ from mrwork.buildings.building_remarks import DRIFT_RATIOS
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.responses import quantity_named
-from mrwork.errors import UnknownNameError
 
 Scale = Literal["", "weight", "height", "yield drift", "stability"]
 
@@ -197,11 +197,8 @@ def criteria() -> tuple[Criterion, ...]:
 
 def criterion(name: str) -> Criterion:
     """The criterion of a name, such as `peak_drift`; an unknown name is refused with those that there are."""
-    for entry in _CRITERIA:
-        if entry.name == name:
-            return entry
-    names = ", ".join(entry.name for entry in _CRITERIA)
-    raise UnknownNameError(f"no criterion is called {name!r}; choose from {names}")
+    check_known(name, [entry.name for entry in _CRITERIA], f"no criterion is called {name!r}")
+    return next(entry for entry in _CRITERIA if entry.name == name)
 
 
 def values(responses: object, scales: Scales) -> dict[str, Floats]:
@@ -271,12 +268,11 @@ class Spread:
         )
 
 
-def is_within_spread(differences: Sequence[float]) -> bool:
+def is_within_spread(numbers: Floats) -> bool:
     """Whether a mean difference over motions is at most two standard errors, so that the motions do not tell it from 0.
 
     Of one motion nothing is told; equal numbers are within their spread.
     """
-    numbers = np.asarray(differences, dtype=np.float64)
     if numbers.size < 2 or not np.isfinite(numbers).all():
         return False
     error = float(np.std(numbers, ddof=1)) / float(np.sqrt(numbers.size))
@@ -287,11 +283,8 @@ def ties_in_words(
     leading: str, scores: Sequence[float], others: Mapping[str, Sequence[float]], noun: str = "motions"
 ) -> tuple[str, ...]:
     """A sentence on the rows that the leading row does not beat by more than the spread over motions."""
-    tied = {
-        label: np.subtract(other, scores)
-        for label, other in others.items()
-        if is_within_spread([one - lead for one, lead in zip(other, scores, strict=True)])
-    }
+    differences = {label: np.subtract(other, scores) for label, other in others.items()}
+    tied = {label: each for label, each in differences.items() if is_within_spread(each)}
     if not tied:
         return ()
     listed = ", ".join(f"{label} ({float(np.mean(tie)):+.3f})" for label, tie in tied.items())

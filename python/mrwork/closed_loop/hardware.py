@@ -217,6 +217,11 @@ class Hardware(Summarised):
         return round(self.delay / self._step)
 
     @property
+    def changes_command(self) -> bool:
+        """Whether a limited rate or faults change a command after the law has sent it."""
+        return math.isfinite(self.command_rate) or any(fault.channel == "command" for fault in self.faults)
+
+    @property
     def sensors(self) -> list[list[float]]:
         """Noise and resolution of accelerations, deformations, drifts, forces and the ground's acceleration."""
         return [

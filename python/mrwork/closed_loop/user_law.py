@@ -210,7 +210,6 @@ class UserLaw(Summarised):
     n_memory: Annotated[int, Within(least=0, most=MOST_MEMORY)] = 0
     rms_time: Positive | None = None
     source: str = ""
-    notes: ClassVar[tuple[str, ...]] = ()
 
     @property
     def _title(self) -> str:

@@ -18,7 +18,7 @@ from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
+from mrwork.closed_loop.evaluation import Criterion, criteria, is_within_spread, ties_in_words
 from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyResults
 from mrwork.study.row_kinds import LAWS, RANKS, ROW_KINDS, Rank
@@ -257,8 +257,7 @@ def lowers_all(changes: Mapping[str, Floats]) -> bool:
 
 def is_tied(results: StudyResults, row: int, reference: int) -> bool:
     """Whether the scores of two rows are not told apart by the motions."""
-    scores, other = _scores(results, row), _scores(results, reference)
-    return len(scores) > 1 and bool(ties_in_words("", scores, {"": other}))
+    return is_within_spread(np.subtract(_scores(results, reference), _scores(results, row)))
 
 
 def _scores(results: StudyResults, row: int) -> list[float]:

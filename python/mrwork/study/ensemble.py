@@ -9,12 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
 from mrwork.study.comparison import Comparison, compared, compared_quantities, rounds_to_increase
-from mrwork.study.loop_runs import loop_of
+from mrwork.study.loop_case import LoopCase
 from mrwork.study.results import Ensemble, StudyResults, Verdict
 from mrwork.study.study import Study
 
@@ -80,19 +79,13 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
     if not study.other_sets or not reach:
         return ""
     row, motion = max(reach, key=lambda key: reach[key])
-    building, devices, law, hardware = loop_of(study.arrangements[row], study.hardware)
-    responses = simulate_loop(
-        building,
-        devices,
-        law,
-        [study.grounds[motion]],
-        hardware,
-        motion_numbers=[motion],
-        histories=True,
+    case = LoopCase(
+        arrangement=study.arrangements[row],
+        motions=[study.grounds[motion]],
+        hardware=study.hardware,
         threads=threads,
     )
-    assert responses.histories is not None
-    (history,) = responses.histories
+    (history,) = case.responses(motion_numbers=[motion], histories=True).histories or ()
     apart: list[tuple[SetsApart, str]] = []
     for number, span in tested.items():
         x, v, sent = (

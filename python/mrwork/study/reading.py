@@ -209,11 +209,12 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
     @cache
     def reference_peaks(elastic: bool) -> ReferencePeaks:
         # Simulated only where a law refers to these peaks and its table leaves them out.
-        from mrwork.study.trials import Trials
+        from mrwork.study import trials
+        from mrwork.study.loop_case import LoopCase
 
         row, of = Row(label=PASSIVE_OFF, kind="passive_off"), elastic_frame(building) if elastic else building
         at_zero = Arrangement(row=row, bare=bare, building=of, devices=devices, law=None)
-        return Trials(arrangement=at_zero, chosen_on=chosen_on, hardware=hardware).reference_peaks()
+        return trials.reference_peaks(LoopCase(arrangement=at_zero, motions=chosen_on, hardware=hardware))
 
     driven = commanded(devices)
 

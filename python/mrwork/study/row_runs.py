@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrwork.closed_loop.responses import history_signals
-from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.study.course import What
 from mrwork.study.histories import RunHistory, history_of
-from mrwork.study.loop_runs import OnBlock, loop_of, simulate_criteria
+from mrwork.study.loop_case import LoopCase
 from mrwork.study.runs import Runs, knows_least_strokes, runs_of
-from mrwork.study.study import Arrangement, Study
 from mrwork.workers.engine import present_workers
 
 # Histories that are simulated together need about so much memory [bytes].
@@ -22,44 +20,33 @@ _MOST_BYTES = 2.0**28
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowRuns:
-    """A row of a study by its index, whose runs are put in the place of empty ones; `keep` stores a history."""
+    """Runs of a case in the place of empty ones; `keep` takes the histories under the motions that are `stored`."""
 
-    study: Study
-    row: int
-    arrangement: Arrangement
-    threads: int
-    keep: Callable[[int, int, RunHistory], None]
-    on_block: OnBlock
+    case: LoopCase
+    stored: Sequence[int]
+    keep: Callable[[int, RunHistory], None]
 
     def simulate(self, what: What, empty: Runs) -> Runs:
-        """The runs of a step, of which the histories that the study names are stored; or criteria of realisations."""
-        study = self.study
+        """The runs of a step, of which histories are kept; or criteria of the realisations of the case."""
         if what == "realisations":
-            return simulate_criteria(
-                self.arrangement,
-                study.grounds,
-                study.hardware,
-                study.realisations,
-                threads=self.threads,
-                on_block=self.on_block,
-            )
+            return self.case.criteria()
         if what == "runs with half the step":
-            return self._simulate(empty, [*range(len(study.motions))], step_factor=2)
+            return self._simulate(empty, [*range(len(self.case.motions))], step_factor=2)
         runs = Runs.empty(empty.axes, empty.declared)
         for motions, detailed in self._batches():
             runs.put(self._simulate(empty, motions, detailed=detailed, before=runs.n_done), 0, motions)
         return runs
 
-    def store(self, runs: Runs, kept: Callable[[int, int], bool]) -> None:
+    def store(self, runs: Runs, kept: Callable[[int], bool]) -> None:
         """Store the histories of recalled runs that are not kept, each simulated again."""
-        for motion in self._stored(range(len(self.study.motions)), runs):
-            if not kept(self.row, motion):
+        for motion in self._stored(range(len(self.case.motions)), runs):
+            if not kept(motion):
                 self._simulate(runs, [motion], detailed=True)
 
     def _stored(self, motions: Sequence[int], runs: Runs) -> list[int]:
-        """Motions of which the study stores the history of a run; without an end, it has infinite numbers."""
+        """Motions of which the history of a run is stored; without an end, it has infinite numbers."""
         ended = zip(motions, runs.finished[0, :, 0], strict=True)
-        return [motion for motion, finished in ended if finished and motion in self.study.histories]
+        return [motion for motion, finished in ended if finished and motion in self.stored]
 
     def _simulate(
         self,
@@ -71,25 +58,19 @@ class RowRuns:
         before: int = 0,
     ) -> Runs:
         """Runs under some motions, with their histories where they are `detailed`."""
-        study = self.study
-        building, devices, law, hardware = loop_of(self.arrangement, study.hardware)
-        responses = simulate_loop(
-            building,
-            devices,
-            law,
-            [study.grounds[motion] for motion in motions],
-            hardware,
-            motion_numbers=motions,
-            histories=detailed,
-            step_factor=step_factor,
-            threads=self.threads,
-            on_progress=lambda done, _: self.on_block(before + done, len(study.motions)),
+        case = self.case
+        on_block, total = case.on_block, len(case.motions)
+        part = replace(
+            case,
+            motions=[case.motions[motion] for motion in motions],
+            on_block=on_block and (lambda done, _: on_block(before + done, total)),
         )
-        runs = runs_of(responses, self.arrangement, among.part(motions=motions).axes)
+        responses = part.responses(motion_numbers=motions, histories=detailed, step_factor=step_factor)
+        runs = runs_of(responses, case.arrangement, among.part(motions=motions).axes)
         if responses.histories is not None:
             histories = dict(zip(motions, responses.histories, strict=True))
             for motion in self._stored(motions, runs):
-                self.keep(self.row, motion, history_of(histories[motion], self.arrangement))
+                self.keep(motion, history_of(histories[motion], case.arrangement))
         return runs
 
     def _batches(self) -> Iterator[tuple[list[int], bool]]:
@@ -97,9 +78,9 @@ class RowRuns:
 
         Small strokes leave the tested range of some dampers: the least stroke of a run is known from its history.
         """
-        study, every = self.study, list(range(len(self.study.motions)))
-        detailed = every if knows_least_strokes(self.arrangement) else [*study.histories]
-        needed = self._bytes_per_second * np.array([ground.duration for ground in study.grounds])
+        case, every = self.case, list(range(len(self.case.motions)))
+        detailed = every if knows_least_strokes(case.arrangement) else [*self.stored]
+        needed = self._bytes_per_second * np.array([motion.duration for motion in case.motions])
         # Workers send none back: this process simulates the runs with histories.
         if not detailed or (needed.sum() < _MOST_BYTES and present_workers() is None):
             yield every, bool(detailed)
@@ -113,14 +94,14 @@ class RowRuns:
     @property
     def _bytes_per_second(self) -> float:
         """Memory of a run's history per second of motion [bytes/s]."""
-        building = self.arrangement.building
+        building = self.case.arrangement.building
         sizes = {
             "floor": len(building.floors),
             "storey": len(building.storeys),
             "element": len(building.elements),
             "run": 1,
-            "device": max(len(self.arrangement.devices), 1),
+            "device": max(len(self.case.arrangement.devices), 1),
             "state": 2 * building.n_coordinates,
         }
         columns = sum(sizes[signal.axis] for signal in history_signals())
-        return 8.0 * columns / self.study.hardware.sample_time
+        return 8.0 * columns / self.case.hardware.sample_time

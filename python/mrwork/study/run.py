@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.progress import OnProgress
-from mrwork.base.summary import named
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.course import Course, What, steps_of
 from mrwork.study.damper_size import judged_by_demand
 from mrwork.study.histories import RunHistory
-from mrwork.study.loop_runs import scales_of
+from mrwork.study.loop_case import LoopCase, scales_of
 from mrwork.study.results import StudyResults
 from mrwork.study.row_runs import RowRuns
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, own_axes, study_criteria, study_quantities
 from mrwork.study.study import Arrangement, Study, digest_of_run, fingerprint_of
-from mrwork.study.trials import BestConstant, Trials, designed
+from mrwork.study.trials import BestConstant, chosen, designed
 from mrwork.workers.engine import Workers, on_executor
 
 
@@ -85,25 +84,24 @@ def run_study(
         for step in steps:
             arrangement, recalling = rows[step.row], call.recalling
             course.begin(arrangement.row.label, step, nominal.n_done + halved.n_done)
-            if step.what == "constant commands":
-                where = named(study, "chosen_on", "hardware")
-                trials = Trials(arrangement=arrangement, **where, threads=threads, on_block=course.advance)
-                rows[step.row], choice = trials.chosen(call, shares)
-                so_far.choices.append(choice)
-                continue
-            of_row = RowRuns(
-                study=study,
-                row=step.row,
+            case = LoopCase(
                 arrangement=arrangement,
+                motions=study.grounds,
+                hardware=study.hardware,
+                realisations=study.realisations if step.what == "realisations" else None,
                 threads=threads,
-                keep=keep,
                 on_block=course.advance,
             )
+            if step.what == "constant commands":
+                rows[step.row], choice = chosen(replace(case, motions=study.chosen_on), call, shares)
+                so_far.choices.append(choice)
+                continue
+            of_row = RowRuns(case=case, stored=study.histories, keep=partial(keep, step.row))
             inputs, simulate = digest_of_run(arrangement, *study.grounds), partial(of_row.simulate, step.what)
             made = runs[step.what].of_row(step.row).recalled(journal, step.what, inputs, simulate)
             runs[step.what].put(made, step.row)
             if recalling and step.what == "runs":
-                of_row.store(made, kept)
+                of_row.store(made, partial(kept, step.row))
     return so_far.results()
 
 

@@ -23,13 +23,12 @@ from mrwork.base.numbers import counted, round_to
 from mrwork.base.places import keyed, read_each
 from mrwork.base.progress import OnProgress
 from mrwork.base.remark import warnings_of
-from mrwork.base.summary import list_names, named
+from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, largest_command, products_of, sends_shares
 from mrwork.closed_loop.evaluation import searched
-from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import command_unit_of, in_command_unit
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, ReferencePeaks
@@ -39,7 +38,7 @@ from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.course import LEVELS, ROUNDS, Course
-from mrwork.study.loop_runs import OnBlock, simulate_criteria
+from mrwork.study.loop_case import LoopCase, training_case
 from mrwork.study.runs import Runs
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import (
@@ -128,116 +127,96 @@ def _command(device: Device, command: float) -> str:
     return f"{command:.3g} {device.spec.command_unit or 'A'}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trials:
-    """The arrangement, motions and hardware on which laws are tried; a law has no score if a run failed."""
+def _levels(case: LoopCase) -> Floats:
+    """The constant commands that are tried, a row of one share of all largest ones for each level."""
+    largest = [device.largest_command for device in commanded(case.arrangement.devices)]
+    return np.linspace(0.0, largest, LEVELS)
 
-    arrangement: Arrangement
-    chosen_on: Sequence[GroundMotion]
-    hardware: Hardware
-    threads: int = 0
-    on_block: OnBlock | None = None
 
-    @property
-    def _levels(self) -> Floats:
-        """The constant commands that are tried, a row of one share of all largest ones for each level."""
-        largest = [device.largest_command for device in commanded(self.arrangement.devices)]
-        return np.linspace(0.0, largest, LEVELS)
+def scan(case: LoopCase) -> tuple[BestConstant, Runs]:
+    """The best share of the largest commands, and the criteria under it; a command has no score if a run failed."""
+    commands = _levels(case)
+    runs = case.under(constant_commands(commands)).criteria()
+    scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
+    best = int(np.argmin(searched(scores)))
+    return BestConstant(
+        commands=tuple(commands[best].tolist()),
+        score=float(scores[best]),
+        scores=tuple(scores.tolist()),
+        runs=runs.outcome.size,
+    ), runs.of_row(best)
 
-    def with_law(self, law: ControlLaw | None, devices: Sequence[Device] = ()) -> Arrangement:
-        """The arrangement under a law, perhaps with other devices in the places of the own ones."""
-        return replace(self.arrangement, law=law, devices=tuple(devices) or self.arrangement.devices)
 
-    def runs(self, law: ControlLaw, devices: Sequence[Device] = ()) -> Runs:
-        """Criteria under a law, as `with_law` has it."""
-        return simulate_criteria(
-            self.with_law(law, devices),
-            self.chosen_on,
-            self.hardware,
-            threads=self.threads,
-            on_block=self.on_block,
-        )
+def chosen(case: LoopCase, call: LongCall[Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
+    """The arrangement under its best constant commands, and a sentence on the choice.
 
-    def scan(self) -> tuple[BestConstant, Runs]:
-        """The best share of the largest commands, and the criteria under it."""
-        commands = self._levels
-        runs = self.runs(constant_commands(commands))
-        scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
-        best = int(np.argmin(searched(scores)))
-        return BestConstant(
-            commands=tuple(commands[best].tolist()),
-            score=float(scores[best]),
-            scores=tuple(scores.tolist()),
-            runs=runs.outcome.size,
-        ), runs.of_row(best)
+    `shares` are the best shares of the largest commands that were found, by the digest of the runs.
+    """
+    arrangement = case.arrangement
+    inputs = digest_of_run(arrangement, *case.motions)
+    if inputs not in shares:
+        shares[inputs] = call.step("best_constant", BestConstant, lambda: scan(case)[0], inputs)
+    best = shares[inputs]
+    # The row that the study has added may be without a score.
+    if math.isnan(best.score) and not arrangement.added:
+        raise _without_score(case)
+    if arrangement.row.kind == "best_passive_by_group":
+        best = call.step("best_by_group", BestConstant, partial(_best_by_group, case, best), inputs)
+    label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
+    row, law = replace(arrangement.row, label=label), constant_commands(best.commands)
+    return replace(arrangement, row=row, law=law), best.in_words(label, arrangement.devices)
 
-    def chosen(self, call: LongCall[Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
-        """The arrangement under its best constant commands, and a sentence on the choice.
 
-        `shares` are the best shares of the largest commands that were found, by the digest of the runs.
-        """
-        arrangement = self.arrangement
-        inputs = digest_of_run(arrangement, *self.chosen_on)
-        if inputs not in shares:
-            shares[inputs] = call.step("best_constant", BestConstant, lambda: self.scan()[0], inputs)
-        best = shares[inputs]
-        # The row that the study has added may be without a score.
-        if math.isnan(best.score) and not arrangement.added:
-            raise self._without_score()
-        if arrangement.row.kind == "best_passive_by_group":
-            best = call.step("best_by_group", BestConstant, partial(self._best_by_group, best), inputs)
-        label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
-        row, law = replace(arrangement.row, label=label), constant_commands(best.commands)
-        return replace(arrangement, row=row, law=law), best.in_words(label, arrangement.devices)
+def _best_by_group(case: LoopCase, start: BestConstant) -> BestConstant:
+    """The best constant command of each group, from one share on: the levels of a group, then of the next.
 
-    def _best_by_group(self, start: BestConstant) -> BestConstant:
-        """The best constant command of each group, from one share on: the levels of a group, then of the next.
+    Scores are over i = 0. A search ends where the levels of every group were tried since the last change.
+    """
+    if math.isnan(start.score):
+        return replace(start, runs=0)
+    levels, groups = _levels(case), products_of(commanded(case.arrangement.devices))
+    off = case.under(constant_commands(levels[:1])).criteria()
+    commands, score = np.array(start.commands), start.score
+    steps, changed = 0, 0
+    while steps < ROUNDS * len(groups) and steps - changed < len(groups):
+        group = groups[steps % len(groups)]
+        tried = np.tile(commands, (LEVELS, 1))
+        tried[:, group] = levels[:, group]
+        runs = case.under(constant_commands(tried)).criteria()
+        scores = searched(runs.scores(off).mean(axis=(1, 2)))
+        best = int(np.argmin(scores))
+        if scores[best] < score:
+            commands, score, changed = tried[best], float(scores[best]), steps
+        steps += 1
+    return BestConstant(
+        commands=tuple(commands.tolist()),
+        score=score,
+        of_share=start.score,
+        tried=steps * LEVELS,
+        rounds=math.ceil(steps / len(groups)),
+        runs=(1 + steps * LEVELS) * len(case.motions),
+    )
 
-        Scores are over i = 0. A search ends where the levels of every group were tried since the last change.
-        """
-        if math.isnan(start.score):
-            return replace(start, runs=0)
-        levels = self._levels
-        groups = products_of(commanded(self.arrangement.devices))
-        off = self.runs(constant_commands(levels[:1]))
-        commands, score = np.array(start.commands), start.score
-        steps, changed = 0, 0
-        while steps < ROUNDS * len(groups) and steps - changed < len(groups):
-            group = groups[steps % len(groups)]
-            tried = np.tile(commands, (LEVELS, 1))
-            tried[:, group] = levels[:, group]
-            scores = searched(self.runs(constant_commands(tried)).scores(off).mean(axis=(1, 2)))
-            best = int(np.argmin(scores))
-            if scores[best] < score:
-                commands, score, changed = tried[best], float(scores[best]), steps
-            steps += 1
-        return BestConstant(
-            commands=tuple(commands.tolist()),
-            score=score,
-            of_share=start.score,
-            tried=steps * LEVELS,
-            rounds=math.ceil(steps / len(groups)),
-            runs=(1 + steps * LEVELS) * len(self.chosen_on),
-        )
 
-    def reference_peaks(self) -> ReferencePeaks:
-        """The best share of the largest commands, and the mean peaks under it, to four digits."""
-        best, runs = self.scan()
-        if math.isnan(best.score):
-            raise self._without_score()
-        drift, acceleration = (
-            round_to(float(runs.numbers[name].mean())) for name in ("peak_drift", "peak_acceleration")
-        )
-        return ReferencePeaks(
-            commands=tuple(map(round_to, best.commands)), drift=drift, acceleration=acceleration
-        )
+def reference_peaks(case: LoopCase) -> ReferencePeaks:
+    """The best share of the largest commands, and the mean peaks under it, to four digits."""
+    best, runs = scan(case)
+    if math.isnan(best.score):
+        raise _without_score(case)
+    drift, acceleration = (
+        round_to(float(runs.numbers[name].mean())) for name in ("peak_drift", "peak_acceleration")
+    )
+    return ReferencePeaks(
+        commands=tuple(map(round_to, best.commands)), drift=drift, acceleration=acceleration
+    )
 
-    def _without_score(self) -> SimulationError:
-        return SimulationError(
-            f"{self.arrangement.row.label}: no constant command has a score, because under "
-            f"{list_names([ground.name for ground in self.chosen_on])} the run at i = 0, or at every command, "
-            "did not finish or has no response; check the dampers and the step, or leave best_passive out"
-        )
+
+def _without_score(case: LoopCase) -> SimulationError:
+    return SimulationError(
+        f"{case.arrangement.row.label}: no constant command has a score, because under "
+        f"{list_names([motion.name for motion in case.motions])} the run at i = 0, or at every command, "
+        "did not finish or has no response; check the dampers and the step, or leave best_passive out"
+    )
 
 
 def magnitudes_of_runs(
@@ -316,9 +295,8 @@ def designed(
         LongCall[Study](journal=journal, on_progress=on_progress),
         Course(on_progress),
     )
-    on_training = named(study, "chosen_on", "hardware")
-    trials = Trials(arrangement=study.at_zero, **on_training, on_block=course.advance)
-    lacking = _Lacking(trials=trials, whole=study.problem.whole, call=call, course=course)
+    case = training_case(study, on_block=course.advance)
+    lacking = _Lacking(case=case, whole=study.problem.whole, call=call, course=course)
 
     def arranged(arrangement: Arrangement) -> Arrangement:
         if arrangement.named is None:
@@ -336,7 +314,7 @@ def designed(
 class _Lacking:
     """Runs from which settings that laws lack are taken; none is simulated before a law asks."""
 
-    trials: Trials
+    case: LoopCase
     whole: DesignProblem
     call: LongCall[Study]
     course: Course
@@ -358,7 +336,7 @@ class _Lacking:
                 partial(self._take, named, problem, beside),
                 law,
                 toml_value(as_document(named.given)),
-                digest_of_run(self.trials.with_law(None, problem.all_devices), *problem.motions),
+                digest_of_run(self.case.under(None, problem.all_devices).arrangement, *problem.motions),
             )
             return named.design(problem, taken.settings), taken
 
@@ -425,7 +403,7 @@ class _Lacking:
         self.course.begin(f"settings of {law}")
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
-            runs = self.trials.runs(named.shaped(designed.law), problem.all_devices)
+            runs = self.case.under(named.shaped(designed.law), problem.all_devices).criteria()
             of_runs = runs.scores(off).mean(axis=(1, 2))
             if active:
                 within = (runs.peak_force <= on.peak_force)[:, :, 0].all(axis=1)
@@ -450,6 +428,6 @@ class _Lacking:
         """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
         problem = self.whole
         self.course.begin("dampers at i = 0 and at the largest command")
-        off, on = (self.trials.runs(constant_share(problem.devices, share)) for share in (0.0, 1.0))
+        off, on = (self.case.under(constant_share(problem.devices, share)).criteria() for share in (0.0, 1.0))
         magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, problem.devices)
         return off, on, magnitudes

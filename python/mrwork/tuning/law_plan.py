@@ -8,9 +8,8 @@ moved along their derivatives.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,7 @@ from mrwork.control.laws.law_settings import design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.long_call import LongCall
-from mrwork.study.loop_runs import REACH, simulate_criteria
-from mrwork.study.realisations import Realisations
+from mrwork.study.loop_case import REACH, LoopCase
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
@@ -47,21 +45,20 @@ _NODES = np.arange(-2.0, 3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Bench(Summarised):
-    """Realisations of a study, or the nominal one, under which candidates are simulated on its training motions.
+    """A study, and the case under which candidates are simulated: its dampers under its training motions.
 
-    `baselines` are the criteria under constant commands with them, by the kind of their row.
+    `baselines` are the criteria under constant commands with the realisations of the case, by the kind of their row.
     """
 
     study: Study
-    realisations: Realisations | None = None
+    case: LoopCase
     call: LongCall[Any] = field(default_factory=LongCall)
-    threads: int = 0
     baselines: Mapping[str, Runs] = field(default_factory=dict)
 
     @property
     def n_realisations(self) -> int:
         """Number of realisations, 1 of the nominal study."""
-        return 1 if self.realisations is None else len(self.realisations)
+        return 1 if self.case.realisations is None else len(self.case.realisations)
 
     def with_baselines(self, constants: Mapping[str, LawCandidate]) -> Bench:
         """The bench with the criteria under constant commands as baselines, from the journal if it has them."""
@@ -78,10 +75,9 @@ class Bench(Summarised):
         Candidates whose largest commands differ are simulated together where the law sends a share of it. A single
         candidate is simulated as in a study, to the bit.
         """
-        runs, hardware = self._empty(len(candidates)), self.study.hardware
-        slopes = (hardware.command_rate, *(candidate.shape[1] for candidate in candidates))
-        sound = not any(fault.channel == "command" for fault in hardware.faults)
-        alike = control_law(law).sends_share and sound and all(map(math.isinf, slopes))
+        runs = self._empty(len(candidates))
+        unlimited = all(math.isinf(candidate.shape[1]) for candidate in candidates)
+        alike = control_law(law).sends_share and unlimited and not self.case.hardware.changes_command
         together = alike and len(candidates) > 1
         levels = [candidate.largest_command for candidate in candidates]
         for level in [math.inf] if together else dict.fromkeys(levels):
@@ -95,7 +91,7 @@ class Bench(Summarised):
             places = [members[index] for index in designed.designed]
             shapes = np.array([candidates[n].shape for n in places])
             shaped = np.any(shapes != LawCandidate({}).shape)
-            batch = self.loop(problem, designed.law)(
+            batch = self.case.under(designed.law, problem.all_devices).criteria(
                 largest_commands=np.array(levels)[places] if together else None,
                 shaping=shapes if shaped else None,
             )
@@ -105,16 +101,8 @@ class Bench(Summarised):
                 runs.numbers[name][places] = array
         return runs
 
-    def loop(self, problem: DesignProblem, law: ControlLaw) -> Callable[..., Runs]:
-        """Criteria of the candidates of a law, a function of what `simulate_criteria` takes beside these."""
-        arrangement = replace(self.study.at_zero, devices=problem.all_devices, law=law)
-        motions, hardware = self.study.chosen_on, self.study.hardware
-        return partial(
-            simulate_criteria, arrangement, motions, hardware, self.realisations, threads=self.threads
-        )
-
     def _empty(self, n_candidates: int) -> Runs:
-        axes = candidate_axes(n_candidates, self.study.chosen_on, self.n_realisations)
+        axes = candidate_axes(n_candidates, self.case.motions, self.n_realisations)
         return Runs.empty(axes, study_criteria(self.study.command_unit))
 
 
@@ -177,7 +165,7 @@ class LawPlan:
             problem, law, rows, _ = self._move(unit)
         except SettingError:
             return math.inf, slopes
-        runs = self.bench.loop(problem, law)(changes=rows)
+        runs = self.bench.case.under(law, problem.all_devices).criteria(changes=rows)
         values = self.objective.scores(runs, self.bench.baselines).penalised_scores
         if not math.isfinite(values[0]):
             return math.inf, slopes

@@ -16,7 +16,6 @@ import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.places import keyed
-from mrwork.base.summary import named
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.evaluation import SCORE, searched
@@ -32,7 +31,7 @@ from mrwork.search.rules import EliteRule, StopRules, ended_in_words
 from mrwork.study.course import LEVELS
 from mrwork.study.row_kinds import Kind
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
-from mrwork.study.trials import BestConstant, Trials
+from mrwork.study.trials import BestConstant, scan
 from mrwork.tuning.law_plan import Bench, LawPlan
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
 from mrwork.tuning.space import (
@@ -172,9 +171,7 @@ def _sizes(
 def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
     """References at a constant command: none, the best by the score of a study, and the largest."""
     study, began = bench.study, time.perf_counter()
-    where = named(study, "chosen_on", "hardware")
-    trials = Trials(arrangement=study.at_zero, **where, threads=bench.threads)
-    found = bench.call.step("constant commands", BestConstant, lambda: trials.scan()[0])
+    found = bench.call.step("constant commands", BestConstant, lambda: scan(bench.case)[0])
     scores, devices = searched(np.array(found.scores)), study.problem.devices
     alike = len({(device.largest_command, device.spec.command_unit) for device in devices}) == 1
 

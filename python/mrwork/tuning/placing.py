@@ -17,11 +17,11 @@ from mrwork.base.places import keyed
 from mrwork.errors import InvalidSettingError
 from mrwork.store.long_call import LongCall
 from mrwork.study.dampers import chosen_damper, equip_building
-from mrwork.study.loop_runs import simulate_criteria, unobserved
+from mrwork.study.loop_case import LoopCase, unobserved
 from mrwork.study.reading import with_dampers
 from mrwork.study.schema import DamperTable
 from mrwork.study.study import Study, constant_commands
-from mrwork.study.trials import Trials
+from mrwork.study.trials import scan
 from mrwork.tuning.results import Placement
 
 Placed = Mapping[str, int]
@@ -99,17 +99,17 @@ def compare_places(
     one, _ = chosen_damper(first, study.folder, study.identified)
     testing = [motion.ground for motion in study.motions if motion.use == "test"]
     motions = [*study.chosen_on, *(testing if len(testing) < len(study.motions) else [])]
-    bare = simulate_criteria(study.arrangements[0], motions, hardware, threads=threads)
+    bare = LoopCase(arrangement=study.arrangements[0], motions=motions, hardware=hardware, threads=threads)
+    of_bare = bare.criteria()
 
     def best_of(placed: Placed) -> Placement:
         tables = placed_tables(study, placed)
         building, devices = equip_building(study.building, tables, [one] * len(tables))
         there = replace(study.at_zero, building=building, devices=devices, law=None)
-        trials = Trials(arrangement=there, chosen_on=study.chosen_on, hardware=hardware, threads=threads)
-        commands = trials.scan()[0].commands
-        law = constant_commands(commands)
-        runs = simulate_criteria(replace(there, law=law), motions, hardware, threads=threads)
-        train, test = np.split(runs.scores(bare)[0, :, 0], [len(study.chosen_on)])
+        case = replace(bare, arrangement=there)
+        commands = scan(replace(case, motions=study.chosen_on))[0].commands
+        runs = case.under(constant_commands(commands)).criteria()
+        train, test = np.split(runs.scores(of_bare)[0, :, 0], [len(study.chosen_on)])
         return Placement(
             storeys=dict(placed),
             command=commands[0],

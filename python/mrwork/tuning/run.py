@@ -23,6 +23,7 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
+from mrwork.study.loop_case import training_case
 from mrwork.study.motions import refuse_same
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
@@ -176,12 +177,14 @@ def _plan(
     study: Study, tables: Sequence[TuneTable], call: LongCall[Any], threads: int
 ) -> tuple[list[LawPlan], Iterator[TunedLaw]]:
     """The laws of tables, and the references, those with weights still to be simulated."""
-    bench = Bench(study=study, call=call, threads=threads)
+    case = training_case(study, threads=threads)
+    bench = Bench(study=study, case=case, call=call)
     constants = constant_commands(bench)
     baselines: dict[str, LawCandidate] = {law.kind: law.candidate for law in constants}
     benches = [bench.with_baselines(baselines)]
     if any(table.robust for table in tables):
-        benches.append(replace(bench, realisations=study.realisations).with_baselines(baselines))
+        robust = replace(case, realisations=study.realisations)
+        benches.append(replace(bench, case=robust).with_baselines(baselines))
     off, on = (benches[0].baselines[kind] for kind in ("passive_off", "passive"))
     magnitudes = magnitudes_of_runs(study.building, study.chosen_on, off, on, study.devices)
     chooses = any(SETTINGS[law].chooses_levels for table in tables for law in table.laws)

@@ -1,0 +1,320 @@
+"""A call of the loop as values for any process, and as the core takes it: what its runs share, and these runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork import _rust
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.device import Device, elongation_rows
+from mrwork.buildings.groups import commanded, groups_of
+from mrwork.buildings.plane_building import Building
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.observer import core_observer
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.laws.counterpart import is_curve
+from mrwork.control.linear.lqr import Observer
+from mrwork.dampers.simulation import core_refusals
+from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
+
+Places = slice | NDArray[np.intp]
+Simulator = Callable[..., Any]
+"""Takes places of runs, and a law in Python as the core asks it; returns what `_rust.respond` does."""
+
+# Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
+_SECONDS = 3e-9
+# They are ready in ten seconds.
+_MOST_COORDINATES = 1500
+
+
+@array_dataclass()
+class RunsOfLoop:
+    """Runs of a loop: candidate, motion, draw, building and delay of each, shape (n_runs, 5), with its stream of noise.
+
+    `gains` (n_candidates, n_gains), `shaping` (n_candidates, 2) or `None`, `theta` of
+    each group of devices (n_draws, n_devices, n_columns).
+    """
+
+    runs: NDArray[np.uint32]
+    streams: NDArray[np.uint64]
+    gains: Floats
+    shaping: Floats | None
+    theta: tuple[Floats, ...]
+
+    def part(self, which: slice) -> RunsOfLoop:
+        """Some of the runs, with the candidates and the draws from their first to their last ones."""
+        runs = self.runs[which].copy()
+        candidates, draws = (slice(int(ids.min()), int(ids.max()) + 1) for ids in (runs[:, 0], runs[:, 2]))
+        runs[:, 0] -= np.uint32(candidates.start)
+        runs[:, 2] -= np.uint32(draws.start)
+        return RunsOfLoop(
+            runs=runs,
+            streams=self.streams[which],
+            gains=self.gains[candidates],
+            shaping=None if self.shaping is None else self.shaping[candidates],
+            theta=tuple(parameters[draws] for parameters in self.theta),
+        )
+
+
+@array_dataclass()
+class LoopOfRuns:
+    """What the runs of a call share, in values that can be sent to another process; designs are made already.
+
+    The gains of `law` are zeros, `varied` are pairs of damping and stiffness.
+    """
+
+    building: Building
+    varied: tuple[tuple[Floats, Floats], ...]
+    devices: tuple[Device, ...]
+    law: ControlLaw
+    hardware: Hardware
+    observer: Observer | None
+    motions: tuple[GroundMotion, ...]
+    step_factor: int
+
+    @property
+    def n_commanded(self) -> int:
+        """Number of devices that the law commands, which are the first ones."""
+        return len(commanded(self.devices))
+
+    @property
+    def is_own(self) -> bool:
+        """Whether some of its dampers are models of the user, which the core does not have."""
+        return (
+            any(device.spec.own is not None for device in self.devices) and not self.law.spec.commands_force
+        )
+
+    def core(self) -> CoreLoop:
+        """The same for the core, which is made anew in each process."""
+        building = _core_building(self.building, self.devices, self.varied)
+        with core_refusals():
+            return CoreLoop(
+                loop=self,
+                building=building,
+                observer=None
+                if self.observer is None
+                else core_observer(self.observer, self.building, self.devices, self.hardware),
+                waves=[(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in self.motions],
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CoreLoop:
+    """What the runs of a call share, as the core takes it."""
+
+    loop: LoopOfRuns
+    building: _rust.Building
+    observer: _rust.Observer | None
+    # Pairs of a time step and an acceleration.
+    waves: list[Any]
+
+    def simulator(
+        self, runs: RunsOfLoop, *, histories: bool = False, threads: int = 0, changes: Floats | None = None
+    ) -> Simulator:
+        """A function that simulates the runs at some places; with dampers of the user it is one of JAX."""
+        loop = self.loop
+        if loop.is_own:
+            return self._simulator_in_jax(runs, histories=histories)
+        law, n = loop.law, loop.n_commanded
+        with core_refusals():
+            if law.spec.commands_force:
+                dampers = [_actuators(n), *_core_dampers(loop.devices[n:], runs.theta[1:])]
+            else:
+                dampers = _core_dampers(loop.devices, runs.theta)
+            controller = _rust.Controller(
+                law.name,
+                np.ascontiguousarray(runs.gains),
+                law.table_rows(),
+                _core_curve(law),
+                runs.shaping,
+                _core_model(law),
+            )
+
+        def simulate(places: Places, outside: Any = None) -> Any:
+            with core_refusals():
+                return _rust.respond(
+                    self.building,
+                    dampers,
+                    controller,
+                    loop.hardware,
+                    self.waves,
+                    np.ascontiguousarray(runs.runs[places]),
+                    runs.streams[places],
+                    observer=self.observer,
+                    histories=histories,
+                    step_factor=loop.step_factor,
+                    threads=threads,
+                    outside=outside,
+                    changes=None if changes is None else changes[None],
+                    n_commanded=n,
+                )
+
+        return simulate
+
+    def _simulator_in_jax(self, runs: RunsOfLoop, *, histories: bool) -> Simulator:
+        # JAX is needed for these dampers only.
+        from mrwork.twins.loop import MATRICES, LoopDevice, believed_devices
+        from mrwork.twins.own_loop import OwnLoop, OwnRuns, respond
+
+        loop, law, hardware = self.loop, self.loop.law, self.loop.hardware
+        gains, start = {}, 0
+        for gain in law.spec.gains:
+            shape = gain.shape_for(loop.n_commanded, 2 * loop.building.n_coordinates)
+            columns = runs.gains[:, start : start + math.prod(shape)]
+            gains[gain.name] = columns.reshape(len(runs.gains), *shape)
+            start += columns.shape[1]
+        devices = tuple(LoopDevice.of(device) for device in loop.devices)
+        layouts = self.building.summary_layout, self.building.history_layout
+        own_loop = OwnLoop(
+            matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in MATRICES},
+            varied=loop.varied,
+            devices=devices,
+            believed=believed_devices(devices[: loop.n_commanded], law.curve),
+            ranges=np.array([_range_of(device) for device in loop.devices]),
+            n_commanded=loop.n_commanded,
+            law=law.name,
+            motions=self.waves,
+            sample_time=hardware.sample_time,
+            steps=hardware.steps,
+            delay=hardware.delay_steps,
+            command_rate=hardware.command_rate,
+            step_factor=loop.step_factor,
+            widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
+        )
+        theta = tuple(group[:, index] for group in runs.theta for index in range(group.shape[1]))
+
+        def simulate(places: Places, _: Any = None) -> Any:
+            own_runs = OwnRuns(runs.runs[places], gains, runs.shaping, theta)
+            return *respond(own_loop, own_runs, histories=histories), None
+
+        return simulate
+
+
+def respond_alone(core: CoreLoop, runs: RunsOfLoop) -> list[NDArray[Any]]:
+    """Runs of a loop in a process of their own, on one thread: summaries, outcomes, steps, without histories."""
+    return list(core.simulator(runs, threads=1)(slice(None))[:3])
+
+
+def theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
+    """Parameters of each group of devices, shape (n_draws, n_devices of the group, n_columns)."""
+    n_draws = max(len(device.draws) for device in devices)
+    if any(len(device.draws) not in (1, n_draws) for device in devices):
+        counts = ", ".join(str(len(device.draws)) for device in devices)
+        raise SettingError(f"the devices have {counts} draws; give the same number for each device, or one")
+    return tuple(
+        np.stack(
+            [
+                np.broadcast_to(devices[member].draws, (n_draws, len(devices[member].spec.parameters)))
+                for member in group
+            ],
+            axis=1,
+        )
+        for group in groups_of(devices)
+    )
+
+
+def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_rust.Dampers]:
+    groups = [[devices[member] for member in group] for group in groups_of(devices)]
+    return [
+        _rust.Dampers(
+            model=group[0].spec.name,
+            laws=[*map(str, group[0].spec.laws)],
+            lagged=group[0].spec.lagged,
+            theta=np.ascontiguousarray(parameters),
+            counts=[float(device.count) for device in group],
+            differential=[device.differential for device in group],
+            ranges=[_range_of(device) for device in group],
+        )
+        for group, parameters in zip(groups, theta, strict=True)
+    ]
+
+
+def _actuators(count: int) -> _rust.Dampers:
+    return _rust.Dampers(
+        model="ideal_actuator",
+        laws=["linear"],
+        theta=np.tile([0.0, 1.0], (1, count, 1)),
+        counts=[1.0] * count,
+        differential=[False] * count,
+        # No limit: an unstable loop overflows and ends as diverged before it.
+        ranges=[(-1e300, 1e300)] * count,
+    )
+
+
+def _range_of(device: Device) -> tuple[float, float]:
+    """Smallest and largest command; twice the command that a device holds."""
+    if device.command is not None:
+        return float(device.command), float(device.command)
+    return 0.0, float(device.largest_command)
+
+
+def _core_building(
+    building: Building,
+    devices: Sequence[Device],
+    varied: Sequence[tuple[Floats, Floats]] = (),
+    *,
+    stiffness: Floats | None = None,
+) -> _rust.Building:
+    n = building.n_coordinates
+    if n > _MOST_COORDINATES:
+        raise SettingError(
+            f"{building.name} has {n:,} coordinates, of which the equations of a loop would take about "
+            f"{_SECONDS * n**3:.0f} s to prepare; reduce it to at most {_MOST_COORDINATES:,}, as by "
+            "`mr.buildings.modal_truncation`"
+        )
+    try:
+        return _rust.Building(
+            mass=building.mass,
+            damping=building.damping,
+            stiffness=building.stiffness if stiffness is None else stiffness,
+            influence=building.influence,
+            floors=building.floors,
+            storeys=building.storeys,
+            unit_drifts=building.unit_drifts,
+            heights=building.heights if building.heights.size else np.zeros(len(building.storeys)),
+            storey_springs=building.storey_springs,
+            devices=elongation_rows(building, devices),
+            elements=building.elements,
+            varied=varied,
+        )
+    except ValueError as error:
+        raise SettingError(f"{building.name}: {error}") from error
+
+
+def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
+    """The static damper model inside the law; `None` if it has none."""
+    if law.curve is None:
+        return None
+    spec, theta = law.curve
+    if not is_curve(spec):
+        raise SettingError(
+            f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
+        )
+    return _rust.ForceCurve(
+        [*map(str, spec.laws)], np.ascontiguousarray(theta, dtype=np.float64), spec.lagged
+    )
+
+
+def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
+    """The loop model inside the law, `None` if it has none; strokes of additions are no drifts."""
+    if law.model is None:
+        return None
+    building, devices = law.model.building, law.model.devices
+    drifting = replace(
+        building,
+        storeys=building.drifts,
+        storey_names=building.drift_names,
+        heights=building.drift_heights,
+        loads=np.empty(0),
+        n_strokes=0,
+    )
+    core = _core_building(drifting, devices, stiffness=building.site_stiffness)
+    first_draws = [theta[:1] for theta in theta_of(devices)]
+    return _rust.LoopModel(core, _core_dampers(devices, first_draws))
