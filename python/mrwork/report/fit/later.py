@@ -131,7 +131,7 @@ def bands_section(bands: StoredBands, unit: str) -> Section:
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
         f"{bands.calibration.basis}: {'; '.join(names or bands.calibration.tests)}. It is valid for excitations and "
         f"commands like these; known beyond them: {bands.calibration.reach_in_words}.",
-        _verdict([*bands.by_test.values()]),
+        _on_coverage([*bands.by_test.values()]),
     )
     return Section(
         title="Prediction bands",
@@ -154,7 +154,7 @@ def coverage_summary(bands: StoredBands, held_out: Predictions | None = None) ->
     return f"the 90 % bands contain {span}, {percent(float(np.mean(shares)), 0)} % on average."
 
 
-def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
+def _on_coverage(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
     """What the coverage of the tests by the bands of every level says about them, beside the summary."""
     if not tests:
         return "A single test cannot be left out of its own calibration. Give `mrwork calibrate` more tests."
@@ -272,9 +272,7 @@ _COLUMNS, _HEIGHT = 4, 2.2
 
 def profiles_section(profiles: Profiles) -> Section:
     """Intervals and a figure for each profiled parameter."""
-    open_ended = [
-        profile.name for profile in profiles.profiles if profile.lower is None or profile.upper is None
-    ]
+    open_ended = [profile.name for profile in profiles.profiles if profile.interval.is_open]
     count = len(profiles.profiles)
     ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
     what = f"Likelihood ratio over each of {count} parameters"

@@ -84,7 +84,7 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
         "undetermined": [
             estimate.name
             for index, estimate in free
-            if estimate.verdict == "not identifiable"
+            if estimate.verdict.word == "not identifiable"
             or (estimate.standard_error is not None and estimate.standard_error > scales[index].size)
         ],
     }
