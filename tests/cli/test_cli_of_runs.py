@@ -192,9 +192,7 @@ def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(calibrated: Pat
     predicted = json.loads(mrwork("predict", calibrated, OTHERS[0], "--level", "0.9", "--json").stdout)
     # Its own quantile: all that calibration can say of a single test.
     row = predicted["files"][0]
-    assert row["band"]["inside"] == pytest.approx(0.9, abs=0.01)
-    assert row["coverage_percent"] == 100.0 * row["band"]["inside"]
-    assert row["mean_width_n"] == 2.0 * row["band"]["half_width_n"]
+    assert row["coverage_percent"] == pytest.approx(90.0, abs=1.0)
     assert row["interval_score"] >= row["mean_width_n"]
     assert (made["level"], made["coverage_percent"]) == (0.9, None)
     # A wider and slower motion than those of the fit, which the calibration has seen.

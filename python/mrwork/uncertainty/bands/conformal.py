@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import ClassVar
 
 import numpy as np
 
 from mrwork.base.arguments import Level, Positive, Whole, checked
-from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import is_untested
 from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
@@ -313,13 +313,11 @@ class Calibration(Summarised):
 
     def _summary(self) -> Summary:
         shape = self.shape
-        rows = [
-            (
-                test,
-                *(format_rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)),
-            )
-            for test, scores in zip(self.tests, self.scores.about_mean, strict=True)
-        ]
+        columns = (
+            Column("", "test", of=itemgetter(0)),
+            Column("", "median score", shown=3, of=lambda row: float(np.median(row[1]))),
+            Column("", "90 % score", shown=3, of=lambda row: float(np.quantile(row[1], 0.9))),
+        )
         return Summary(
             title=f"Calibration of prediction bands on {len(self.tests)} tests",
             facts=(
@@ -332,7 +330,7 @@ class Calibration(Summarised):
                 ("known beyond the tests", self.reach_in_words),
             ),
             remarks=self.remarks,
-            tables=[Table(columns=("test", "median score", "90 % score"), rows=rows)],
+            tables=[Table.of(columns, zip(self.tests, self.scores.about_mean, strict=True))],
         )
 
 

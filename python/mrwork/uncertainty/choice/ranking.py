@@ -6,7 +6,7 @@ A candidate is a model with the laws of its parameters.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from operator import attrgetter
 from typing import Any, Literal
@@ -66,7 +66,7 @@ RULES_OF_LAWS = (
     "measure it without bias.",
 )
 
-Verdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed", "goes on"]
+Place = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed", "goes on"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +83,7 @@ class Standing:
     title: str
     n_params: Whole
     laws: dict[str, LawName] = field(default_factory=dict)
-    verdict: Verdict = "behind"
+    verdict: Place = "behind"
     status: str = ""
     reason: str = ""
     seconds: NotNegative = 0.0
@@ -260,7 +260,7 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
     lost = [*failed, *(candidate for candidate in predicted if candidate.not_predicted)]
 
     def judged(candidate: Standing) -> Standing:
-        verdict: Verdict = "behind"
+        verdict: Place = "behind"
         if candidate is chosen:
             verdict = "provisional" if any(_is_far_better(other, chosen) for other in lost) else "chosen"
         elif candidate in good:
@@ -359,39 +359,22 @@ class Ranking(WithAxes, Summarised):
             ranking, chosen=ranking.chosen_standing.model, remarks=remarks, sentence=ranking._sentence()
         )
 
-    def document(self) -> dict[str, Any]:
-        """What the command line prints as JSON; where laws were chosen, with the names of their table."""
-        document = asdict(self)
-        if self.unit is None:
-            return document
-        tried = [
-            row | {"behind": row["left_out_behind"], "behind_error": row["left_out_behind_error"]}
-            for row in document["standings"]
-        ]
-        failed = {standing.model: standing.reason for standing in self._of("failed")}
-        models = [*dict.fromkeys(standing.model for standing in self.standings), *self.missing]
-        return document | {"model": self.chosen, "tried": tried, "failed": failed, "models": models}
-
     def _named_arrays(self) -> NamedArrays:
-        axis, labels = "model", NamedArray.of([standing.model for standing in self.standings])
-        laws = dict[str, NamedArray]()
-        if self.unit is not None:
-            axis, labels = "tried", NamedArray.of(range(len(self.standings)))
-            laws = {
-                f"law_{name}": NamedArray.of(
-                    [standing.laws.get(name, "constant") for standing in self.standings],
-                    axis,
-                    long_name=f"law of {name}",
-                )
-                for name in dict.fromkeys(name for standing in self.standings for name in standing.laws)
-            }
-        # The labels of the rows are no arrays.
-        columns = [column for column in _COLUMNS if column.key != axis]
+        # Of one model there are several sets of laws.
+        labels = range(len(self.standings)) if self.unit else [standing.model for standing in self.standings]
+        laws = {
+            f"law_{name}": NamedArray.of(
+                [standing.laws.get(name, "constant") for standing in self.standings],
+                "candidate",
+                long_name=f"law of {name}",
+            )
+            for name in dict.fromkeys(name for standing in self.standings for name in standing.laws)
+        }
         return NamedArrays(
             title=f"Choice of {self._what}: {self.chosen}",
-            rows=(axis,),
-            labels={axis: labels},
-            arrays=columns_of(self.standings, axis, columns) | laws,
+            rows=("candidate",),
+            labels={"candidate": NamedArray.of(labels)},
+            arrays=columns_of(self.standings, "candidate", _COLUMNS) | laws,
         )
 
     @property
@@ -403,7 +386,7 @@ class Ranking(WithAxes, Summarised):
         """The chosen candidate, or the provisional one."""
         return next(standing for standing in self.standings if standing.is_chosen)
 
-    def _of(self, verdict: Verdict) -> list[Standing]:
+    def _of(self, verdict: Place) -> list[Standing]:
         return [standing for standing in self.standings if standing.verdict == verdict]
 
     @property
