@@ -135,7 +135,6 @@ def judge_interval(interval: Interval, scale: Scale, sensitivity: float) -> Verd
 def _judge(
     scale: Scale, sensitivity: float, ends: tuple[float | None, float | None], share: float, width: str
 ) -> Verdict:
-    """Judge by the standard deviation, as a `share` of the value, and by the interval about it."""
     if share <= WEAK:
         return Verdict("identifiable")
     lower, upper = scale.bounds

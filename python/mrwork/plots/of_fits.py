@@ -157,7 +157,6 @@ def profiles(
 
 
 def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
-    """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
     left, right = _span(profile)
     line, ratio = _line(profile, left, right)
     axes.axvspan(
@@ -227,7 +226,6 @@ def _tick(value: float) -> str:
 
 
 def _span(profile: Profile) -> tuple[float, float]:
-    """The ends of the abscissa."""
     scale = np.log if profile.log else np.asarray
     position = np.asarray(scale(np.array(profile.values)))
     ratio = np.array(profile.ratio)

@@ -59,12 +59,10 @@ class _Evidence:
 
     @property
     def spread(self) -> FitSpread:
-        """Median and worst of the fits."""
         return spread_of(self.drawn)
 
     @property
     def in_words(self) -> str:
-        """The verdict, a sentence or two."""
         spread, count = self.spread, self.spread.n_tests
         text = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
         if count > 1:
@@ -235,7 +233,6 @@ def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Predict
 
 
 def _advice(run: StoredRun) -> Iterator[Remark]:
-    """What to do next, the most useful first."""
     if (gap := run.fit.tested.gap) is not None:
         yield _GAP.remark(f"{gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}")
     if run.bands is None:

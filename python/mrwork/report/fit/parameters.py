@@ -57,7 +57,6 @@ def _as_sentence(clause: str) -> str:
 
 
 def _parameter_table(fit: Fit) -> Table:
-    """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict."""
     estimates = fit.fitted
     if fit.an_interval is None:
         pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]

@@ -69,7 +69,6 @@ def with_collapses(
 
 
 def _residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> list[Floats]:
-    """Residuals of each test, in deviations of its measured force, shape (n_counted,)."""
     predictions = predictions_of(fit, tests)
     return [prediction.residual / np.std(prediction.measured) for prediction in predictions]
 

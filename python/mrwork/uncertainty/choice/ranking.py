@@ -35,7 +35,7 @@ _FAR_BETTER = 2.0
 # NRMSE of a prediction by the mean force, which a test counts that cannot be predicted.
 NOT_PREDICTED = 1.0
 
-RULES = (
+_RULES = (
     "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean of two kinds with equal weights. "
     "Inside: tests that lie between those that remain. Beyond: the fastest, slowest and largest motions, each left out "
     "with every test at or beyond it. Both are means over motions, with a standard error, of the geometric mean of the "
@@ -50,11 +50,11 @@ RULES = (
     "Provisional: the candidate that would be chosen, while one that could not predict a test has less than "
     f"1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
 )
-RULE_OF_COLLAPSE = (
+_RULE_OF_COLLAPSE = (
     "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
     "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen."
 )
-RULES_OF_LAWS = (
+_RULES_OF_LAWS = (
     "The search starts with every positive parameter quadratic in the command, then every one but offsets, and tries "
     "neighbours of the best laws, of the simplest as good, and of others as good: those that promise most when the "
     "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, "
@@ -202,7 +202,6 @@ def _with_error(value: float | None, error: float | None) -> str:
 
 
 def _percent(key: str, heading: str = "", *, words: str) -> Column:
-    """A column of percentages."""
     return Column(key, heading, "%", words, shown=lambda value: format_fixed(value, 2))
 
 
@@ -238,7 +237,7 @@ _SCREENED = [
 
 
 def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
-    """Candidates by their left-out fit, best first, with verdicts by the rules of `RULES`.
+    """Candidates by their left-out fit, best first, with verdicts by the rules of `_RULES`.
 
     Unusable and collapsed ones follow, those that failed come last. A candidate counts as collapsed if the simpler one
     predicts what was left out.
@@ -305,7 +304,6 @@ def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing]:
 
 
 def _is_far_better(lost: Standing, chosen: Standing) -> bool:
-    """Whether a candidate has far less error on all tests than the chosen one."""
     if lost.fit_percent is None or chosen.fit_percent is None:
         return False
     return 100.0 - chosen.fit_percent > _FAR_BETTER * (100.0 - lost.fit_percent)
@@ -344,7 +342,6 @@ class Ranking(WithAxes, Summarised):
     n_folds: Whole
     remarks: tuple[Remark, ...] = ()
     missing: tuple[str, ...] = ()
-    definitions: tuple[str, ...] = (*RULES, RULE_OF_COLLAPSE)
     unit: CommandUnit | None = None
     given: dict[str, LawName] = field(default_factory=dict)
     complete: bool = True
@@ -380,6 +377,11 @@ class Ranking(WithAxes, Summarised):
     @property
     def _what(self) -> str:
         return "model" if self.unit is None else "current laws"
+
+    @property
+    def definitions(self) -> tuple[str, ...]:
+        """What the numbers and verdicts mean, a sentence or a few each."""
+        return *_RULES, *((_RULE_OF_COLLAPSE,) if self.unit is None else _RULES_OF_LAWS)
 
     @property
     def chosen_standing(self) -> Standing:
@@ -442,7 +444,6 @@ class Ranking(WithAxes, Summarised):
         yield _COSTLY.remark(chosen.in_words, measured=Measured(steps, ""), cost=cost, others=others)
 
     def _sentence(self) -> str:
-        """What was chosen, how it predicts, and what lies behind."""
         chosen, best = self.chosen_standing, self.standings[0]
         parts = [self._choice()]
         others = [standing.in_words for standing in self._of("as good") if standing is not best]

@@ -124,9 +124,7 @@ class Screening:
         best = minima.misfit.reshape(-1, _STARTS).argmin(axis=1)
         theta = minima.theta[best + _STARTS * np.arange(len(best))]
         # At each command a fit without each split, which predicts what is left out there.
-        left_out = np.zeros((self.splits.n_splits, len(self.excerpts)), dtype=np.bool_)
-        for number, members in enumerate(self.splits.members):
-            left_out[number, members] = True
+        left_out = self.splits.left_out
         fitted, predicted = self.at_level[:, None] & ~left_out, self.at_level[:, None] & left_out
         rows = fitted.any(axis=2) & predicted.any(axis=2)
         minima = fits(np.repeat(theta[:, None], len(left_out), axis=1)[rows], fitted[rows])

@@ -126,7 +126,6 @@ class SamplingProblem:
 
     @property
     def _effects(self) -> dict[str, Effect]:
-        """The free effects by the names of their parameters."""
         return {effect.parameter: effect for effect in self.target.objective.compared[0].free}
 
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
