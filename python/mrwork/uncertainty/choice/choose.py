@@ -64,11 +64,10 @@ def families(
     specs, remarks = compared_models(models)
     lawful = []
     for spec in specs:
-        family_laws = {
-            name: law for name, law in laws.items() if name in {parameter.name for parameter in spec.plain}
-        }
-        followed = spec.with_current_laws({}, unit=unit, lagged=lagged) if family_laws else spec
-        lawful.append(with_laws_at(followed, family_laws, tests) if family_laws else spec)
+        names = {parameter.name for parameter in spec.plain}
+        if own := {name: law for name, law in laws.items() if name in names}:
+            spec = with_laws_at(spec.with_current_laws({}, unit=unit, lagged=lagged), own, tests)
+        lawful.append(spec)
     refuse_unknown("law", laws, [parameter.name for spec in specs for parameter in spec.plain])
     refuse_unknown("bound", bounds, [name for spec in lawful for name in spec.names])
     plain = [spec.name for spec in lawful if spec.command_unit is None]
@@ -186,13 +185,7 @@ class Choosing(LongCall[Choice]):
 
     def failing(self, model: DamperSpec) -> Standing:
         """The standing of a model that could not be fitted, with the reason."""
-        return Standing(
-            model=model.name,
-            title=model.title,
-            n_params=len(model.parameters),
-            status="failed",
-            reason=self.failed.get(model.name, ""),
-        )
+        return Standing.of(model, reason=self.failed.get(model.name, ""))
 
     def ranked(self, candidates: Sequence[Standing], **facts: object) -> Ranking:
         """The ranking of candidates; models that have none are missing."""

@@ -103,6 +103,12 @@ class Standing:
     is_costly: bool = False
     same_as: str = ""
 
+    @classmethod
+    def of(cls, model: DamperSpec, *, reason: str = "") -> Standing:
+        """The row of a model that is not fitted, or could not be for the reason."""
+        n_params = len(model.parameters)
+        return cls(model=model.name, title=model.title, n_params=n_params, status="failed", reason=reason)
+
     def scored(
         self,
         nrmse: Sequence[Floats],

@@ -200,7 +200,8 @@ class SamplingProblem:
         sensitivities = np.linalg.norm(
             Slopes.at(objective, self.target.form, self.target.start).by_model(), axis=0
         ).tolist()
-        for index, (scale, sensitivity) in enumerate(zip(scales, sensitivities, strict=True)):
+        # The sensitivities are of the effects on the recorded force, too, which have no verdict.
+        for index, (scale, sensitivity) in enumerate(zip(scales, sensitivities, strict=False)):
             interval = summaries[index].interval
             if interval is not None and names[index] not in objective.settings.ties:
                 verdict = judge_interval(interval, scale, sensitivity)
