@@ -173,11 +173,18 @@ parameters = {
     each.name: {
         "truth": truth[each.name],
         "median": each.median,
-        "half of the 95 % interval [%]": 100.0 * abs((each.upper - each.lower) / (2.0 * each.median)),
-        "holds the truth": "yes" if each.lower <= truth[each.name] <= each.upper else "no",
+        "half of the 95 % interval [%]": 100.0 * abs((upper - lower) / (2.0 * each.median)),
+        "holds the truth": "yes" if lower <= truth[each.name] <= upper else "no",
     }
     for each in draws.summaries
-    if each.name in truth
+    if each.name in truth and each.interval is not None
+    # An end where the draws pile up at a bound is open.
+    for lower, upper in [
+        (
+            -np.inf if each.interval.lower is None else each.interval.lower,
+            np.inf if each.interval.upper is None else each.interval.upper,
+        )
+    ]
 }
 script.table(
     "identified",

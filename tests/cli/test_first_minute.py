@@ -117,7 +117,7 @@ def test_the_model_of_the_rig_predicts_its_test_rows_inside_the_bands(folder: Pa
     predicted = json.loads(typed("mrwork predict out/rig rig --level 0.9 --json", folder))
     for file in predicted["files"]:
         assert file["fit_percent"] > 97.0
-        assert file["band"]["inside"] > 0.75
+        assert file["coverage_percent"] > 75.0
 
 
 def test_a_sample_replaces_nothing(tmp_path: Path, refused: Refused) -> None:

@@ -11,7 +11,6 @@ from record_files import write_test
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.base.summary import named
 from mrwork.identification.fit_file import reopen
 
 pytestmark = pytest.mark.usefixtures("pages")
@@ -65,11 +64,11 @@ def rows_of(text: str) -> dict[str, str]:
 def check_one_verdict(place: Path, terminal: str) -> dict[str, str]:
     """The verdicts of a run, after checking that they are the same everywhere."""
     fit = mr.load(place).fit
-    verdicts = {each.name: each.verdict for each in fit.estimates}
+    verdicts = {each.name: each.verdict.word for each in fit.estimates}
     stored = json.loads((place / "fit.json").read_text())["estimates"]
     for each, own in zip(fit.estimates, stored, strict=True):
         assert own["standard_error"] == each.standard_error
-        assert fit.intervals is not None or own["verdict"] == each.verdict
+        assert fit.an_interval is not None or own["verdict"]["word"] == each.verdict.word
         # 0 was once that of a parameter at its bound.
         assert each.standard_error is None or each.standard_error > 0.0
         if each.state:
@@ -109,9 +108,8 @@ def test_python_returns_the_numbers_that_the_command_prints(model: str, tmp_path
     fit = mr.identify(model, mr.records.cut(mr.synthetic_test(name), every=4), rng=1, threads=1)
     command = ("identify", f"synthetic:{name}", "--every", "4", "--model", model, "--seed", "1", "--json")
     document = json.loads(printed(*command, "--threads", "1", "--out", tmp_path / "run"))
-    keys = [column.key for column in fit._columns if column.key]
-    assert document["parameters"] == {each.name: named(each, *keys) for each in fit.estimates}
-    assert all(each.verdict for each in fit.estimates)
+    assert document["parameters"] == fit.document()["parameters"]
+    assert all(each.verdict.word for each in fit.estimates)
 
 
 @pytest.mark.long
@@ -122,9 +120,9 @@ def test_later_intervals_bring_their_verdicts_everywhere(tmp_path: Path) -> None
     whole = printed("profile", place, "--quiet")
     assert "stay those" not in whole
     assert check_one_verdict(place, whole)["f0"] == "sign unknown"
-    assert mr.load(place).fit.intervals is not None
+    assert mr.load(place).fit.an_interval is not None
     drawn = printed("sample", place, "--quiet", "--walkers", "32", "--steps", "6000", "--seed", "1")
-    kind = mr.load(place).fit.intervals
+    kind = mr.load(place).fit.an_interval
     assert kind is not None
     assert kind.kind == "posterior", drawn
     assert check_one_verdict(place, drawn)["f0"] == "sign unknown"

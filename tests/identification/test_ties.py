@@ -36,7 +36,7 @@ def test_a_tied_parameter_is_its_expression_and_its_error_follows(fit: mr.Fit) -
     assert tied.value == pytest.approx(-0.1 * source.value + 5.0, rel=1e-12)
     assert source.standard_error is not None
     assert tied.standard_error == pytest.approx(0.1 * source.standard_error, rel=1e-9)
-    assert (tied.tie, tied.verdict) == (TIE["f0"], "tied")
+    assert (tied.tie, tied.verdict.word) == (TIE["f0"], "tied")
     assert (source.tie, fit.status) == ("", "converged")
 
 
@@ -93,7 +93,7 @@ def test_bounds_of_a_tied_parameter_are_kept(test: mr.DamperTest) -> None:
 
 
 def test_later_verbs_keep_the_tie(fit: mr.Fit, test: mr.DamperTest) -> None:
-    assert [each.name for each in fit.estimates if each.verdict == "tied"] == ["f0"]
+    assert [each.name for each in fit.estimates if each.verdict.word == "tied"] == ["f0"]
     draws = mr.sample(fit, test, walkers=16, most_steps=20, tempering="effective", threads=1)
     assert draws.theta[:, 3] == pytest.approx(-0.1 * draws.theta[:, 0] + 5.0, rel=1e-12)
     assert np.ptp(draws.theta[:, 3]) > 0.0

@@ -31,7 +31,7 @@ from mrwork.records.reading import synthetic_test
 from mrwork.report import html
 from mrwork.report.fit.agreement import amplitude_section
 from mrwork.report.fit.figures import common_unit
-from mrwork.report.fit.later import _verdict
+from mrwork.report.fit.later import _on_coverage
 from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import Section
@@ -447,7 +447,7 @@ def test_samples_that_are_not_compared_do_not_count() -> None:
 def test_the_verdict_on_bands_is_that_of_their_coverage() -> None:
     def verdict(*shares: float) -> str:
         score = BandScore(coverage=0.0, width=1.0, interval_score=1.0)
-        return _verdict(
+        return _on_coverage(
             [
                 {
                     level: LeftOutCoverage(

@@ -108,7 +108,7 @@ def run() -> mr.StoredRun:
     fit = fit.with_command("mrwork identify", reading)
     place = folder / "run"
     write_fit(place, fit)
-    bands = StoredBands(calibration=calibration(), coverage=(), predictions=predictions())
+    bands = StoredBands(calibration=calibration(), predictions=predictions())
     return replace(mr.load(place), draws=draws(), profiles=profiles(), bands=bands)
 
 

@@ -12,8 +12,9 @@ from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Fit
 from mrwork.records import DamperTest
-from mrwork.uncertainty import Draws, noise_model
+from mrwork.uncertainty import Draws
 from mrwork.uncertainty.posterior.sample import SamplingProblem, sample
+from mrwork.uncertainty.posterior.target import Tempering
 
 MODEL = "viscous_dahl"
 NOISE_N = 20.0
@@ -43,16 +44,19 @@ def independent_errors(fit: Fit) -> list[float]:
     ]
 
 
-def small_sampling(noise: str = "iid", **settings: object) -> SamplingProblem:
-    plain: dict[str, object] = {
-        "noise": noise_model(noise).name,
-        "priors": {},
-        "tempering": 1.0,
-        "walkers": 32,
-        "rng": 0,
-        "threads": 1,
-    }
-    return SamplingProblem.of_fit(small_fit(), (small_test(),), **(plain | settings))  # type: ignore[arg-type] # settings of several kinds by name
+def small_sampling(
+    noise: str = "iid", fit: Fit | None = None, *tests: DamperTest, tempering: Tempering | None = 1.0
+) -> SamplingProblem:
+    return SamplingProblem.of_fit(
+        fit or small_fit(),
+        tests or (small_test(),),
+        noise=noise,
+        priors={},
+        tempering=tempering,
+        walkers=32,
+        rng=0,
+        threads=1,
+    )
 
 
 @cache

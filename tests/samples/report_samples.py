@@ -16,6 +16,7 @@ from mrwork.identification.fit import (
     Provenance,
     SearchTrace,
 )
+from mrwork.identification.interval import Verdict
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion
@@ -113,8 +114,7 @@ def fit(
                 lower=low,
                 upper=high,
                 state=state,
-                verdict="fixed" if state == "fixed" else "",
-                reason="" if state == "fixed" else state,
+                verdict=Verdict("fixed") if state == "fixed" else Verdict("", state),
             )
             for name, unit, value, error, low, high, state in PARAMETERS
         ),

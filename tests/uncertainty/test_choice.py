@@ -145,17 +145,7 @@ def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path
     models = ("--every", "10", "--model", "bingham,dahl")
     document = json.loads(printed("identify", "synthetic:rd1005_1a", *models, "--out", place, "--json"))
     written = json.loads((place / "ranking.json").read_text())
-    assert {key: document[key] for key in written} == written
-    assert {
-        "chosen",
-        "sentence",
-        "standings",
-        "held_out",
-        "n_folds",
-        "remarks",
-        "missing",
-        "definitions",
-    } <= set(written)
+    assert written.items() <= document.items()
     assert document["chosen"] == json.loads((place / "fit.json").read_text())["model"]
     for name in ("bingham", "dahl"):
         assert json.loads((place / "models" / name / "fit.json").read_text())["model"] == name

@@ -40,7 +40,7 @@ def test_profile_posterior_and_plan_have_the_errors_of_the_fit(
     draws = mr.sample(fit, tests, most_steps=300, walkers=24, rng=1, threads=1)
     summaries = {summary.name: summary for summary in draws.summaries}
     for name, true in (("force_mass", MASS), ("k0", STIFFNESS)):
-        lower, upper = profiles[name].lower, profiles[name].upper
+        lower, upper = profiles[name].interval.lower, profiles[name].interval.upper
         assert lower is not None
         assert upper is not None
         assert lower < true < upper

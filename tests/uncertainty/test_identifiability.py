@@ -78,7 +78,7 @@ def judge(
 
 
 def verdicts(found: Judged) -> dict[str, str]:
-    return {each.name: each.verdict for each in found[0]}
+    return {each.name: each.verdict.word for each in found[0]}
 
 
 def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -> None:
@@ -99,7 +99,7 @@ def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -
 def test_the_normalised_form_has_no_redundancy(normalised: Fit) -> None:
     assert all(each.seen for each in normalised.directions)
     assert "not identifiable" not in verdicts((normalised.estimates, ())).values()
-    assert normalised.parameters["k_w"].verdict == "identifiable"
+    assert normalised.parameters["k_w"].verdict.word == "identifiable"
 
 
 def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> None:
@@ -114,7 +114,7 @@ def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> 
     assert weak.seen
     assert {each.name for each in weak.changes} == {"delta", "x_s"}
     assert weak.sentence.endswith("; delta/x_s is better identifiable")
-    reasons = {each.name: each.reason for each in found[0]}
+    reasons = {each.name: each.verdict.reason for each in found[0]}
     assert "x_s can compensate for it" in reasons["delta"]
 
 
@@ -122,8 +122,8 @@ def test_a_parameter_on_its_bound_is_bounded_from_one_side(static: tuple[Fit, Da
     _, test = static
     bounded = identify("static_hysteretic", test, rng=1, bounds={"beta": (100.0, 300.0)})
     beta = bounded.parameters["beta"]
-    assert (beta.verdict, beta.standard_error) == ("weakly identifiable", None)
-    assert beta.reason.startswith("at lower bound")
+    assert (beta.verdict.word, beta.standard_error) == ("weakly identifiable", None)
+    assert beta.verdict.reason.startswith("at lower bound")
 
 
 @pytest.fixture
@@ -134,7 +134,7 @@ def columns() -> NDArray[np.float64]:
 def test_the_size_of_a_column_does_not_make_it_unseen(columns: NDArray[np.float64]) -> None:
     found = judge(columns, "abcd")
     assert found[1] == ()
-    assert {each.verdict for each in found[0]} == {"identifiable"}
+    assert {each.verdict.word for each in found[0]} == {"identifiable"}
 
 
 def test_two_redundancies_are_told_one_by_one(columns: NDArray[np.float64]) -> None:
@@ -179,7 +179,7 @@ def test_a_verdict_turns_weak_at_the_stated_share() -> None:
     # One column of unit length: the standard error is misfit / sqrt(100).
     for factor, verdict in ((0.99, "identifiable"), (1.01, "weakly identifiable")):
         found = judge(column, "a", misfit=10.0 * WEAK * factor, n_effective=101.0)
-        assert found[0][0].verdict == verdict
+        assert found[0][0].verdict.word == verdict
         assert found[0][0].standard_error == pytest.approx(WEAK * factor)
 
 

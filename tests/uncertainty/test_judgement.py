@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrwork.identification.fit import FittedParameter, Interval, Verdict
+from mrwork.identification.fit import FittedParameter
+from mrwork.identification.interval import Interval, Verdict, Word
 from mrwork.identification.verdicts import (
     DEVIATIONS,
     NEGLIGIBLE,
@@ -16,6 +17,7 @@ from mrwork.identification.verdicts import (
     judge_error,
     judge_interval,
 )
+from mrwork.uncertainty.identifiability.profile import Profile
 
 # A stiffness that may have either sign.
 SPRING = Scale(
@@ -38,6 +40,11 @@ SEAL, GHOST, SHADE = (
     replace(scale, name=name) for name, scale in (("seal", DAMPING), ("ghost", SPRING), ("shade", SHARE))
 )
 SENSITIVITY |= {"seal": 1e-30, "ghost": 1e-10, "shade": 1e-6}
+
+
+def interval(lower: float | None, upper: float | None) -> Interval:
+    """An interval of the level of standard errors."""
+    return Interval(kind="profile", level=0.95, lower=lower, upper=upper)
 
 
 @pytest.mark.parametrize(
@@ -64,10 +71,10 @@ SENSITIVITY |= {"seal": 1e-30, "ghost": 1e-10, "shade": 1e-6}
         (SHADE, 0.003, 4.6e4, "negligible"),
     ],
 )
-def test_a_standard_error_has_one_verdict(scale: Scale, value: float, error: float, verdict: Verdict) -> None:
-    judged, reason = judge_error(error, replace(scale, value=value), SENSITIVITY[scale.name])
-    assert judged == verdict
-    assert bool(reason) == (verdict != "identifiable")
+def test_a_standard_error_has_one_verdict(scale: Scale, value: float, error: float, verdict: Word) -> None:
+    judged = judge_error(error, replace(scale, value=value), SENSITIVITY[scale.name])
+    assert judged.word == verdict
+    assert bool(judged.reason) == (verdict != "identifiable")
 
 
 @pytest.mark.parametrize(
@@ -89,9 +96,9 @@ def test_a_standard_error_has_one_verdict(scale: Scale, value: float, error: flo
     ],
 )
 def test_an_interval_has_one_verdict(
-    scale: Scale, ends: tuple[float | None, float | None], verdict: Verdict
+    scale: Scale, ends: tuple[float | None, float | None], verdict: Word
 ) -> None:
-    assert judge_interval(ends, DEVIATIONS, scale, SENSITIVITY[scale.name], opened="open")[0] == verdict
+    assert judge_interval(interval(*ends), scale, SENSITIVITY[scale.name]).word == verdict
 
 
 _VALUES = st.floats(-1e9, 1e9)
@@ -100,7 +107,7 @@ _VALUES = st.floats(-1e9, 1e9)
 @given(_VALUES, st.floats(1e-9, 1e12), st.floats(0.0, 1.0))
 def test_what_is_identifiable_has_a_sign_and_a_value(value: float, error: float, sensitivity: float) -> None:
     scale = replace(SPRING, value=value, bounds=(-1e30, 1e30))
-    verdict, _ = judge_error(error, scale, sensitivity)
+    verdict = judge_error(error, scale, sensitivity).word
     assert (verdict == "identifiable") == (error <= 0.25 * abs(value))
     if verdict != "identifiable":
         small = sensitivity * (abs(value) + DEVIATIONS * error) <= NEGLIGIBLE
@@ -121,11 +128,8 @@ def test_an_interval_of_a_standard_error_is_judged_as_that_error(
     ):
         return
     half = DEVIATIONS * error
-    ends = value - half, value + half
-    assert (
-        judge_interval(ends, DEVIATIONS, scale, sensitivity, opened="")[0]
-        == judge_error(error, scale, sensitivity)[0]
-    )
+    judged = judge_interval(interval(value - half, value + half), scale, sensitivity)
+    assert judged.word == judge_error(error, scale, sensitivity).word
 
 
 def test_an_interval_brings_its_verdict_and_leaves_the_standard_error() -> None:
@@ -136,12 +140,25 @@ def test_an_interval_brings_its_verdict_and_leaves_the_standard_error() -> None:
         standard_error=5100.0,
         lower=-1e6,
         upper=1e6,
-        verdict="sign unknown",
-        reason="zero",
+        verdict=Verdict("sign unknown", "zero"),
     )
-    interval = Interval(name="k", lower=100.0, upper=9000.0, verdict="weakly identifiable", reason="wide")
-    found = spring.with_interval(interval)
-    assert (found.verdict, found.reason, found.standard_error) == ("weakly identifiable", "wide", 5100.0)
-    tied = replace(spring, verdict="tied", tie="2*c").with_interval(replace(interval, verdict="", reason=""))
-    assert (tied.verdict, tied.interval is None) == ("tied", False)
-    assert spring.with_interval(None) == spring
+    profile = Profile(
+        name="k",
+        unit="N/m",
+        estimate=5312.0,
+        log=False,
+        values=(5312.0,),
+        misfit=(0.1,),
+        ratio=(0.0,),
+        interval=interval(100.0, 9000.0),
+        verdict=Verdict("weakly identifiable", "wide"),
+    )
+    found = spring.judged_by(profile)
+    assert (found.verdict, found.interval, found.standard_error) == (
+        profile.verdict,
+        profile.interval,
+        5100.0,
+    )
+    tied = replace(spring, verdict=Verdict("tied"), tie="2*c").judged_by(replace(profile, verdict=Verdict()))
+    assert (tied.verdict.word, tied.interval) == ("tied", profile.interval)
+    assert spring.judged_by(None) == spring

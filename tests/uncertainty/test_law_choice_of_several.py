@@ -174,10 +174,8 @@ def test_a_run_of_several_models_names_the_model_of_the_laws(
     summary = json.loads(printed(*command, "--json"))
     assert summary["model"] == "dahl"
     shown, written = summary["choice_of_laws"], json.loads((out / "ranking.json").read_text())
-    assert {key: shown[key] for key in written} == written
-    assert list(shown["failed"]) == ["bouc_wen"]
-    assert shown["models"] == ["dahl", "bingham", "bouc_wen"]
-    assert {"laws", "behind", "behind_error", "remarks", "inside_percent"} <= set(shown["tried"][0])
+    assert shown == written
+    assert [each["model"] for each in shown["standings"] if each["verdict"] == "failed"] == ["bouc_wen"]
     run = mr.load(out)
     assert run.fit.model == "dahl"
     assert run.ranking is not None

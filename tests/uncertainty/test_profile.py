@@ -80,10 +80,10 @@ def test_intervals_are_those_of_the_information_where_the_data_are_plenty(
 ) -> None:
     for name in ("c", "k", "alpha", "beta", "f0"):
         profile = by_name(found)[name]
-        assert profile.verdict == "identifiable"
-        assert profile.lower is not None
-        assert profile.upper is not None
-        half = 0.5 * (profile.upper - profile.lower)
+        assert profile.verdict.word == "identifiable"
+        assert profile.interval.lower is not None
+        assert profile.interval.upper is not None
+        half = 0.5 * (profile.interval.upper - profile.interval.lower)
         assert half == pytest.approx(1.96 * (fit.parameters[name].standard_error or 0.0), rel=0.03)
 
 
@@ -99,7 +99,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say(fit: Fit, test: DamperTes
     for _ in range(n_records):
         noisy = replace(test, force=clean + 8.0 * rng.standard_normal(clean.size))
         for profile in mr.profile(start, [noisy], parameters=names).profiles:
-            inside += (profile.lower or np.inf) < truth[profile.name] < (profile.upper or -np.inf)
+            inside += (
+                (profile.interval.lower or np.inf) < truth[profile.name] < (profile.interval.upper or -np.inf)
+            )
     # 95 % of 60, less three standard deviations; not more than all but one, or the intervals are too wide.
     assert 52 <= inside <= 59
 
@@ -119,9 +121,9 @@ def test_no_other_minimisation_finds_less_at_a_point(fit: Fit, test: DamperTest,
 def test_an_interval_is_open_where_the_data_do_not_object(found: Profiles) -> None:
     # tanh(x/x_s) is a straight line from some x_s on: only delta/x_s is seen, up to the bound.
     delta = by_name(found)["delta"]
-    assert (delta.upper, delta.upper_end) == (None, "bound")
-    assert delta.verdict in ("weakly identifiable", "not identifiable")
-    assert "open above" in delta.reason or "above:" in delta.reason
+    assert (delta.interval.upper, delta.interval.upper_end) == (None, "bound")
+    assert delta.verdict.word in ("weakly identifiable", "not identifiable")
+    assert "above: " in delta.verdict.reason or "open above" in delta.verdict.reason
     assert delta.values[-1] == SPEC.parameters[SPEC.names.index("delta")].upper or delta.ratio[-1] > 0.0
 
 
@@ -130,8 +132,8 @@ def test_values_go_upwards_through_the_estimate_and_cross_where_the_interval_end
         assert list(profile.values) == sorted(profile.values)
         assert profile.estimate in profile.values
         for value, ratio in zip(profile.values, profile.ratio, strict=True):
-            if profile.lower is not None and profile.upper is not None:
-                inside = profile.lower < value < profile.upper
+            if profile.interval.lower is not None and profile.interval.upper is not None:
+                inside = profile.interval.lower < value < profile.interval.upper
                 assert (ratio <= found.threshold) == inside or value == profile.estimate
 
 
@@ -139,11 +141,11 @@ def test_a_higher_level_has_a_wider_interval(fit: Fit, test: DamperTest, found: 
     wider = mr.profile(fit, [test], parameters=["beta"], level=0.99)
     (beta,) = wider.profiles
     narrow = by_name(found)["beta"]
-    assert beta.lower is not None
-    assert narrow.lower is not None
-    assert beta.upper is not None
-    assert narrow.upper is not None
-    assert beta.lower < narrow.lower < narrow.upper < beta.upper
+    assert beta.interval.lower is not None
+    assert narrow.interval.lower is not None
+    assert beta.interval.upper is not None
+    assert narrow.interval.upper is not None
+    assert beta.interval.lower < narrow.interval.lower < narrow.interval.upper < beta.interval.upper
 
 
 def test_threads_change_no_bit(fit: Fit, test: DamperTest, found: Profiles) -> None:
@@ -156,13 +158,17 @@ def test_a_fixed_parameter_has_no_profile(test: DamperTest) -> None:
     found = mr.profile(held, [test])
     assert [each.name for each in found.profiles] == [name for name in SPEC.names if name != "x_s"]
     # What delta lacked was x_s.
-    assert by_name(found)["delta"].verdict == "identifiable"
+    assert by_name(found)["delta"].verdict.word == "identifiable"
 
 
 def test_a_parameter_on_its_bound_goes_one_way(test: DamperTest) -> None:
     bounded = identify(SPEC, test, rng=1, bounds={"beta": (100.0, 300.0), "x_s": (0.1, 0.1)})
     (beta,) = mr.profile(bounded, [test], parameters=["beta"]).profiles
-    assert (beta.lower, beta.lower_end, beta.upper_end) == (None, "bound", "closed")
+    assert (beta.interval.lower, beta.interval.lower_end, beta.interval.upper_end) == (
+        None,
+        "bound",
+        "closed",
+    )
     assert min(beta.values) == pytest.approx(100.0)
 
 
@@ -171,7 +177,7 @@ def test_a_spring_changes_its_sign_with_the_displacement_at_which_it_is_free() -
     model = damper("normalised_bouc_wen")
     fit = identify(model, test, rng=1)
     (k,) = mr.profile(fit, [test], parameters=["k"], level=0.9999999).profiles
-    assert (k.lower_end, k.upper_end) == ("closed", "closed")
+    assert (k.interval.lower_end, k.interval.upper_end) == ("closed", "closed")
     # The stroke of 4 mm hardly tells k, so at such a level the interval reaches across zero or nearly so; wherever it
     # ends, the ratio rises smoothly to it.
     roots = np.sqrt(k.ratio)
@@ -188,7 +194,7 @@ def test_an_interrupt_keeps_what_there_is(fit: Fit, test: DamperTest, found: Pro
     kept = interrupt.value.result
     assert kept.status == "interrupted"
     assert sum(len(each.values) - 1 for each in kept.profiles) >= 10
-    assert {each.lower_end for each in kept.profiles} <= {"interrupted", "closed", "bound"}
+    assert {each.interval.lower_end for each in kept.profiles} <= {"interrupted", "closed", "bound"}
     whole = by_name(found)
     for each in kept.profiles:
         # A point beyond the limit is replaced by a nearer one.
@@ -205,5 +211,5 @@ def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
     assert found.better.nrmse == pytest.approx(fit.nrmse, rel=1e-4)
     assert found.better.status == "lower_minimum_possible"
     assert "a profile of its parameters found it" in found.better.status_in_words
-    assert f0.verdict == "identifiable"
+    assert f0.verdict.word == "identifiable"
     assert found.misfit == pytest.approx(fit.nrmse, rel=1e-4)

@@ -90,15 +90,7 @@ def test_the_pairing_tells_what_the_scatter_of_tests_hides() -> None:
     assert found[1].left_out_behind_error < 0.01 * found[1].left_out_error
 
 
-def test_a_family_that_failed_is_a_row_with_its_reason() -> None:
-    found = rank([family("broken", 4, None, reason="it diverged"), family("sound", 5, TESTS)])
-    assert [(each.model, each.verdict, each.reason) for each in found] == [
-        ("sound", "chosen", ""),
-        ("broken", "failed", "it diverged"),
-    ]
-
-
-def test_the_sentence_tells_choice_and_margin() -> None:
+def test_the_sentence_tells_choice_and_margin_and_a_family_that_failed_is_a_row_with_its_reason() -> None:
     found = ranking(
         family("small", 4, TESTS + 0.001 + WOBBLE),
         family("large", 9, TESTS),
@@ -106,7 +98,8 @@ def test_the_sentence_tells_choice_and_margin() -> None:
         family("broken", 4, None, reason="it diverged"),
         missing=("other",),
     )
-    assert found.chosen == "small"
+    reasons = {each.model: (each.verdict, each.reason) for each in found.standings}
+    assert (reasons["small"], reasons["broken"]) == (("chosen", ""), ("failed", "it diverged"))
     assert [(each.code, *each.words) for each in found.remarks] == [("not_compared", "broken (it diverged)")]
     for words in (
         "Of 4 families, Small with 4 parameters is chosen",

@@ -19,7 +19,6 @@ from mrwork.records import Observation
 from mrwork.uncertainty import Lognormal, Normal, noise_model
 from mrwork.uncertainty.noise import NOISES
 from mrwork.uncertainty.posterior.laplace import first_walkers, fisher_information, mode_near
-from mrwork.uncertainty.posterior.sample import SamplingProblem
 from mrwork.uncertainty.posterior.target import Space, prior_of_text
 
 SPENCER = damper("normalised_bouc_wen")
@@ -169,16 +168,7 @@ def test_a_chain_starts_at_the_mode_whatever_weights_the_fit_had() -> None:
     behind = {}
     for exponent in (1.0, 0.0):
         fit = identify("bingham", (weak, strong), force_exponent=exponent, rng=0)
-        sampling = SamplingProblem.of_fit(
-            fit,
-            (weak, strong),
-            noise="iid",
-            priors={},
-            tempering=1.0,
-            walkers=64,
-            rng=0,
-            threads=1,
-        )
+        sampling = small_sampling("iid", fit, weak, strong)
         target = sampling.target
         mode = mode_near(target, sampling.target.start)
         at_start, at_mode = target(
@@ -215,9 +205,7 @@ def test_another_form_is_refused_with_the_forms_there_are(text: str) -> None:
 @pytest.mark.parametrize("model", ["viscous_dahl", "normalised_bouc_wen"])
 def test_information_is_that_of_the_residuals_over_the_position(model: str) -> None:
     fit = small_fit() if model == small_fit().model else identify(model, small_test(), rng=0, threads=1)
-    target = SamplingProblem.of_fit(
-        fit, (small_test(),), noise="iid", priors={}, tempering=0.5, walkers=32, rng=0, threads=1
-    ).target
+    target = small_sampling("iid", fit, tempering=0.5).target
     theta = np.asarray(target.form.box.inside(target.form.from_model(np.array(fit.theta))))
     values = target.space.box.inside(np.concatenate([theta, NOISES["iid"].parameters and [0.05]]))
     position = np.asarray(target.space.position(values))
@@ -242,10 +230,7 @@ def test_information_is_that_of_the_residuals_over_the_position(model: str) -> N
 
 
 def test_information_of_what_the_data_do_not_see_is_that_of_an_even_spread() -> None:
-    fit = small_fit()
-    target = SamplingProblem.of_fit(
-        fit, (small_test(),), noise="iid", priors={}, tempering=1e-20, walkers=32, rng=0, threads=1
-    ).target
-    theta = np.asarray(target.form.box.inside(np.array(fit.theta)))
+    target = small_sampling(tempering=1e-20).target
+    theta = np.asarray(target.form.box.inside(np.array(small_fit().theta)))
     position = np.asarray(target.space.position(target.space.box.inside(np.append(theta, 0.05))))
     np.testing.assert_allclose(np.diag(fisher_information(target, position)), 12.0, rtol=0.2)

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
@@ -49,8 +49,12 @@ class Column:
 
 
 def as_json(columns: Iterable[Column], row: Any) -> dict[str, Any]:
-    """The values of a row by the keys of the columns."""
-    return {column.key: column.value(row) for column in columns if column.key}
+    """The values of a row by the keys of the columns; records as dictionaries."""
+    values = {column.key: column.value(row) for column in columns if column.key}
+    return {
+        key: asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+        for key, value in values.items()
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

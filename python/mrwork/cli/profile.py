@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of, arguments_of
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
                 )
         except Interrupted as interrupt:
             return _write_interrupted(opened.run, interrupt.result, options)
-        contents = {PROFILES: json_document(profiles.document()).encode()}
+        contents = {PROFILES: _content(profiles)}
         facts: dict[str, object] = {}
         if profiles.better is not None:
             contents[FIT] = fit_content(profiles.better)
@@ -76,14 +76,18 @@ def run(options: argparse.Namespace) -> int:
 
 def _write_interrupted(run: RunFolder, profiles: Profiles, options: argparse.Namespace) -> int:
     """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
-    document, path, earlier = profiles.document(), run.path / PROFILES, None
+    path, earlier = run.path / PROFILES, None
     # Damaged ones are none, as for a run to its end.
     with suppress(RecordError):
         earlier = run.read(Profiles, PROFILES, verb="profile")
     written = earlier is None or earlier.status != "finished"
     if written:
-        add_to_run(run.path, {PROFILES: json_document(document).encode()})
-    show_results(options, profiles, document=document | {"directions": [], "out": str(path)})
+        add_to_run(run.path, {PROFILES: _content(profiles)})
+    show_results(options, profiles, document=profiles.document() | {"directions": [], "out": str(path)})
     where = "has the profiles so far" if written else "keeps the complete profiles that it has"
     note(f"interrupted; {path} {where}; run the same command again for all")
     return 130
+
+
+def _content(profiles: Profiles) -> bytes:
+    return json_document(replace(profiles, better=None)).encode()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from operator import attrgetter
 from statistics import median
 from typing import Any, ClassVar, Literal
 
-from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
+from mrwork.base.arguments import Count, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
@@ -21,6 +21,7 @@ from mrwork.dampers.laws import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import outside_of
 from mrwork.errors import RecordError, UnknownNameError
+from mrwork.identification.interval import NOT_JUDGED, Interval, Judged, Verdict
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
@@ -30,55 +31,7 @@ from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import built, digest_of
 
-Verdict = Literal[
-    "identifiable",
-    "weakly identifiable",
-    "sign unknown",
-    "negligible",
-    "not identifiable",
-    "fixed",
-    "tied",
-    "",
-]
-"""What the data say of a parameter, decided in `identification/verdicts.py` alone; empty where nothing was judged."""
-
 ParameterState = Literal["", "fixed", "at lower bound", "at upper bound"]
-
-FINE: tuple[Verdict, ...] = ("", "identifiable", "fixed", "tied")
-"""Verdicts that need no caution."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
-    """Interval of a parameter in its unit, and the verdict by it; an end that the data do not bound is `None`."""
-
-    name: str
-    lower: float | None
-    upper: float | None
-    verdict: Verdict = ""
-    reason: str = ""
-
-    def in_words(self, shown: Callable[[float], str]) -> str:
-        """Text such as "6317 to 7278", or "above 835.8" where one end is open; `shown` formats a number."""
-        if self.lower is None:
-            return "open" if self.upper is None else f"below {shown(self.upper)}"
-        if self.upper is None:
-            return f"above {shown(self.lower)}"
-        return f"{shown(self.lower)} to {shown(self.upper)}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Intervals:
-    """Intervals of all free parameters of a fit at one `level`, by profile likelihood or from posterior draws."""
-
-    kind: Literal["profile", "posterior"]
-    level: Level
-    intervals: tuple[Interval, ...]
-
-    @property
-    def heading(self) -> str:
-        """Heading of the column of intervals."""
-        return f"{100.0 * self.level:g} % {self.kind} interval"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +40,7 @@ class FittedParameter:
 
     `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
     residuals are correlated. It is `None` where the parameter is not identifiable by the derivatives, was fixed, or is
-    on a bound (`state`). `verdict` and `reason` are by the `interval`, if there is one, else by the standard error.
+    on a bound (`state`). The `verdict` is by the `interval`, if there is one, else by the standard error.
     `tie` is the expression that the parameter is tied to, empty where it is not.
     """
 
@@ -100,8 +53,7 @@ class FittedParameter:
     lower: float
     upper: float
     state: ParameterState = ""
-    verdict: Verdict = ""
-    reason: str = ""
+    verdict: Verdict = NOT_JUDGED
     tie: str = ""
     interval: Interval | None = None
 
@@ -115,14 +67,11 @@ class FittedParameter:
         """Whether the search ended with the parameter at its lower or upper bound."""
         return self.state in ("at lower bound", "at upper bound")
 
-    def with_interval(self, interval: Interval | None) -> FittedParameter:
-        """The parameter with an interval, and the verdict by it if it has one."""
-        if interval is None:
+    def judged_by(self, row: Judged | None) -> FittedParameter:
+        """The parameter with the interval that a row has of it, if any, and with the verdict by that if it has one."""
+        if row is None or row.interval is None:
             return self
-        verdict, reason = (
-            (interval.verdict, interval.reason) if interval.verdict else (self.verdict, self.reason)
-        )
-        return replace(self, interval=interval, verdict=verdict, reason=reason)
+        return replace(self, interval=row.interval, verdict=row.verdict if row.verdict.word else self.verdict)
 
     def in_words(self, *, by_interval: bool) -> tuple[str, str]:
         """Value and uncertainty for a terminal: an interval, or a standard error with the digits that it leaves."""
@@ -324,8 +273,7 @@ class Fit(Plotted, WithAxes, Summarised):
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
     where there are no standard errors. `directions` are those in which the data determine the parameters weakly or not
-    at all. `intervals` come from `profile` or `sample`; where there are any, tables show them and not the standard
-    errors.
+    at all. Where `profile` or `sample` has found intervals, tables show these and not the standard errors.
     `effects` are those on the recorded force, common to all tests, that were fitted with the parameters. `others` are
     fits of other sets of laws that predict nearly as well, with which predictions are compared.
     `force_noise_n` is the noise of the forces of the tests from sample to sample [N].
@@ -362,7 +310,6 @@ class Fit(Plotted, WithAxes, Summarised):
     own: DamperSpec | None = None
     n_effective: Positive | None = None
     directions: tuple[Direction, ...] = ()
-    intervals: Intervals | None = None
     remarks: tuple[Remark, ...] = ()
     status_reason: str = ""
     motions: tuple[RecordedMotion, ...]
@@ -516,8 +463,8 @@ class Fit(Plotted, WithAxes, Summarised):
     @property
     def uncertainty_heading(self) -> str:
         """Heading of the column of uncertainties: intervals, or standard errors and how many samples they count."""
-        if self.intervals is not None:
-            return self.intervals.heading
+        if self.an_interval is not None:
+            return self.an_interval.heading
         if self.n_effective is None:
             return f"standard error, {self.n_time} independent samples"
         return f"standard error, {self.n_effective:.0f} effective samples"
@@ -528,12 +475,18 @@ class Fit(Plotted, WithAxes, Summarised):
         demand = range_of_test(test, self.tested.command_unit, force)
         return outside_of(self.spec, self.theta, self.tested, demand)
 
+    @property
+    def an_interval(self) -> Interval | None:
+        """One of the intervals of the parameters, which are all of one kind and level; `None` before there are any."""
+        return next((estimate.interval for estimate in self.estimates if estimate.interval), None)
+
     @checked
-    def with_intervals(self, intervals: Intervals) -> Fit:
-        """The fit with the intervals of `Profiles.intervals` or `Draws.intervals`, and the verdicts by them."""
-        of = {interval.name: interval for interval in intervals.intervals}
-        estimates = tuple(estimate.with_interval(of.get(estimate.name)) for estimate in self.estimates)
-        return replace(self, intervals=intervals, estimates=estimates)
+    def with_intervals(self, judged: Sequence[Judged]) -> Fit:
+        """The fit with the intervals of `Profiles.profiles` or `Draws.summaries`, and the verdicts by them."""
+        of = {row.name: row for row in judged}
+        return replace(
+            self, estimates=tuple(estimate.judged_by(of.get(estimate.name)) for estimate in self.estimates)
+        )
 
     @property
     def times_noise(self) -> float | None:
@@ -545,7 +498,9 @@ class Fit(Plotted, WithAxes, Summarised):
     def informative(self) -> tuple[Direction, ...]:
         """The directions without those dominated by an identifiable or negligible parameter."""
         settled = {
-            estimate.name for estimate in self.estimates if estimate.verdict in ("identifiable", "negligible")
+            estimate.name
+            for estimate in self.estimates
+            if estimate.verdict.word in ("identifiable", "negligible")
         }
         return tuple(
             direction
@@ -558,7 +513,7 @@ class Fit(Plotted, WithAxes, Summarised):
         """What the parameters have in tables, in JSON and in arrays."""
 
         def in_words(estimate: FittedParameter) -> tuple[str, str]:
-            return estimate.in_words(by_interval=self.intervals is not None)
+            return estimate.in_words(by_interval=self.an_interval is not None)
 
         return (
             Column("", "parameter", of=attrgetter("name")),
@@ -570,8 +525,8 @@ class Fit(Plotted, WithAxes, Summarised):
             Column("lower", words="lower bound"),
             Column("upper", words="upper bound"),
             Column("state"),
-            Column("verdict", "verdict", words="identifiability"),
-            Column("reason", "reason"),
+            Column("verdict", "verdict", words="identifiability", of=attrgetter("verdict.word")),
+            Column("reason", "reason", of=attrgetter("verdict.reason")),
         )
 
     def _named_arrays(self) -> NamedArrays:
@@ -585,7 +540,7 @@ class Fit(Plotted, WithAxes, Summarised):
                 "parameter",
                 long_name=f"{end} end of the interval",
             )
-            for end in (() if self.intervals is None else ("lower", "upper"))
+            for end in (() if self.an_interval is None else ("lower", "upper"))
         }
         tests = columns_of(self.quality, "test", _QUALITY)
         search = {

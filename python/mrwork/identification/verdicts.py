@@ -21,7 +21,8 @@ from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.covariance import INSENSITIVE, Covariance, states_of
 from mrwork.identification.equivalent import search_box
-from mrwork.identification.fit import Direction, FittedParameter, ParameterChange, Verdict
+from mrwork.identification.fit import Direction, FittedParameter, ParameterChange
+from mrwork.identification.interval import Interval, Verdict
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.observation import Effect
@@ -101,11 +102,7 @@ def scales_of(
     return tuple(scales)
 
 
-# A verdict on a parameter, with the reason.
-ReasonedVerdict = tuple[Verdict, str]
-
-
-def judge_error(error: float, scale: Scale, sensitivity: float) -> ReasonedVerdict:
+def judge_error(error: float, scale: Scale, sensitivity: float) -> Verdict:
     """Judge a parameter by its standard error, in its unit; see `judge_interval`."""
     half = DEVIATIONS * error
     ends = scale.value - half, scale.value + half
@@ -114,22 +111,15 @@ def judge_error(error: float, scale: Scale, sensitivity: float) -> ReasonedVerdi
     return _judge(scale, sensitivity, ends, share, width)
 
 
-def judge_interval(
-    ends: tuple[float | None, float | None],
-    deviations: float,
-    scale: Scale,
-    sensitivity: float,
-    *,
-    opened: str,
-) -> ReasonedVerdict:
-    """Judge a parameter by its interval; an end at which the data do not bound it is `None`, for the reason `opened`.
+def judge_interval(interval: Interval, scale: Scale, sensitivity: float) -> Verdict:
+    """Judge a parameter by its interval.
 
-    The interval of a normal density would reach `deviations` standard deviations to either side. `sensitivity` is the
-    root mean square of the change of force per unit of the parameter, in standard deviations of the force.
+    `sensitivity` is the root mean square of the change of force per unit of the parameter, in standard deviations of
+    the force.
     """
-    lower, upper = ends
+    lower, upper = interval.lower, interval.upper
     if lower is None or upper is None:
-        return _judge(scale, sensitivity, ends, np.inf, opened)
+        return _judge(scale, sensitivity, (lower, upper), np.inf, interval.opened)
     if scale.log:
         half = 0.5 * float(np.log(upper / lower))
         width = f"the interval is a factor of {np.exp(half):.2g} wide to either side"
@@ -137,15 +127,16 @@ def judge_interval(
         centre = 0.5 * abs(lower + upper)
         half = 0.5 * (upper - lower) / centre if centre else np.inf
         width = f"the interval is {_times(half, 'its value')} wide to either side"
-    return _judge(scale, sensitivity, ends, half / deviations, width)
+    # The interval of a normal density reaches so many standard deviations to either side.
+    deviations = NormalDist().inv_cdf(0.5 * (1.0 + interval.level))
+    return _judge(scale, sensitivity, (lower, upper), half / deviations, width)
 
 
 def _judge(
     scale: Scale, sensitivity: float, ends: tuple[float | None, float | None], share: float, width: str
-) -> ReasonedVerdict:
-    """Judge by the standard deviation, as a `share` of the value, and by the interval about it."""
+) -> Verdict:
     if share <= WEAK:
-        return "identifiable", ""
+        return Verdict("identifiable")
     lower, upper = scale.bounds
     low = lower if ends[0] is None else max(ends[0], lower)
     high = upper if ends[1] is None else min(ends[1], upper)
@@ -155,13 +146,13 @@ def _judge(
         reason = (
             f"its whole interval changes the force by at most {100.0 * effect:.2g} % of the force's deviation"
         )
-        return "negligible", reason
+        return Verdict("negligible", reason)
     if ends == (None, None):
-        return "not identifiable", width
+        return Verdict("not identifiable", width)
     if low < 0.0 < high:
         including = f"the interval, {low:.4g} to {of_unit(high, scale.unit)}, includes zero"
-        return "sign unknown", f"{width}; {including}"
-    return "weakly identifiable", width
+        return Verdict("sign unknown", f"{width}; {including}")
+    return Verdict("weakly identifiable", width)
 
 
 def _times(share: float, whole: str) -> str:
@@ -380,21 +371,20 @@ def _judged(
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
             reason = f"identifiable only in combination with {join_parts(others)}"
-        return replace(parameter, verdict="not identifiable", standard_error=None, reason=reason)
+        return replace(parameter, verdict=Verdict("not identifiable", reason), standard_error=None)
     error = float(np.sqrt(cov[number, number]))
     sensitivity = float(np.linalg.norm(jacobian[:, number])) / scale.size
-    verdict, reason = judge_error(error * scale.size, scale, sensitivity)
-    if verdict in ("weakly identifiable", "sign unknown"):
+    verdict = judge_error(error * scale.size, scale, sensitivity)
+    if verdict.word in ("weakly identifiable", "sign unknown"):
         deviation = np.sqrt(np.where(determined, np.diag(cov), 1.0))
         correlation = np.where(determined, cov[number] / (error * deviation), 0.0)
         correlation[number] = 0.0
         partner = int(np.argmax(np.abs(correlation)))
         if abs(correlation[partner]) > _STRONG_CORRELATION:
             other = scales[partner].name
-            reason += (
-                f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
-            )
-    return replace(parameter, verdict=verdict, standard_error=error * scale.size, reason=reason)
+            because = f"mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
+            verdict = Verdict(verdict.word, f"{verdict.reason}; {because}")
+    return replace(parameter, verdict=verdict, standard_error=error * scale.size)
 
 
 def fitted_parameters(
@@ -413,7 +403,7 @@ def fitted_parameters(
     estimates: list[FittedParameter] = []
     for index, (parameter, state) in enumerate(zip(spec.parameters, states, strict=True)):
         tie = ties.get(parameter.name, "")
-        verdict: Verdict = "tied" if tie else "fixed" if state == "fixed" else ""
+        verdict = Verdict("fixed") if state == "fixed" else Verdict("", state)
         has_error = not state and np.isfinite(errors[index])
         estimates.append(
             FittedParameter(
@@ -424,8 +414,7 @@ def fitted_parameters(
                 lower=box.lower[index],
                 upper=box.upper[index],
                 state=state,
-                verdict=verdict,
-                reason=f"it is {tie}" if tie else "" if state == "fixed" else state,
+                verdict=Verdict("tied", f"it is {tie}") if tie else verdict,
                 tie=tie,
             )
         )
@@ -435,8 +424,10 @@ def fitted_parameters(
     free = [index for index in box.free if spec.names[index] not in ties]
     for index in free:
         if estimates[index].at_bound:
-            reason = f"{states[index]}: the data bound it from one side only"
-            estimates[index] = replace(estimates[index], verdict="weakly identifiable", reason=reason)
+            one_sided = Verdict(
+                "weakly identifiable", f"{states[index]}: the data bound it from one side only"
+            )
+            estimates[index] = replace(estimates[index], verdict=one_sided)
     taken = [index for index in free if states[index] == "" or spec.names[index] in form.fixed]
     every = scales_of(spec, box, problem.objective.tests, values)
     scales = [every[index] for index in taken]
@@ -464,4 +455,4 @@ def _beside_pulses(estimate: FittedParameter, averaged: float) -> FittedParamete
         f"the command is the mean of pulses over {1e3 * averaged:.3g} ms, which tells no rate above "
         f"{1.0 / averaged:.2g} 1/s"
     )
-    return replace(estimate, verdict="not identifiable", reason=reason)
+    return replace(estimate, verdict=Verdict("not identifiable", reason))

@@ -108,8 +108,6 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
     return panels
 
 
-# Level of the threshold that a single profile shows.
-_LEVEL = 0.95
 # Top of every panel, relative to the threshold.
 _TOP = 1.8
 _LINE_POINTS = 200
@@ -133,7 +131,7 @@ def profiles(
     Parameters
     ----------
     result
-        Profiles, or a run that holds them. A single one has the threshold of 95 %.
+        Profiles, one of them, or a run that holds them.
     ax
         As in `laws`.
     parameters
@@ -151,21 +149,19 @@ def profiles(
         result = result.profiles
     several = (result,) if isinstance(result, Profile) else result.profiles
     asked = all_chosen(parameters, (profile.name for profile in several), "profiled parameter")
-    threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
     panels = panels_for(ax, len(asked), "profiles")
     for axes, profile in zip(panels, (several[number] for number in asked), strict=True):
-        _draw_profile(axes, profile, threshold)
+        _draw_profile(axes, profile, likelihood_threshold(profile.interval.level))
         finished(axes, with_unit(style.symbol_text(profile.name), profile.unit), "Likelihood ratio")
     return panels
 
 
 def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
-    """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
     left, right = _span(profile)
     line, ratio = _line(profile, left, right)
     axes.axvspan(
-        profile.lower if profile.lower is not None else left,
-        profile.upper if profile.upper is not None else right,
+        profile.interval.lower if profile.interval.lower is not None else left,
+        profile.interval.upper if profile.interval.upper is not None else right,
         color=style.WINDOW,
         linewidth=0,
         zorder=-1,
@@ -198,7 +194,7 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     axes.set_xlim(left, right)
     axes.set_ylim(0.0, _TOP * threshold)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-    for end, way in ((profile.lower, -1), (profile.upper, 1)):
+    for end, way in ((profile.interval.lower, -1), (profile.interval.upper, 1)):
         if end is None:
             # An arrow that leaves the panel where the interval is open.
             edge, colour = (1.0 if way > 0 else 0.0), style.RESIDUAL
@@ -230,13 +226,12 @@ def _tick(value: float) -> str:
 
 
 def _span(profile: Profile) -> tuple[float, float]:
-    """The ends of the abscissa."""
     scale = np.log if profile.log else np.asarray
     position = np.asarray(scale(np.array(profile.values)))
     ratio = np.array(profile.ratio)
     centre = int(profile.values.index(profile.estimate))
     ends = []
-    for way, limit in ((-1, profile.lower), (1, profile.upper)):
+    for way, limit in ((-1, profile.interval.lower), (1, profile.interval.upper)):
         side = slice(centre, None, 1) if way > 0 else slice(centre, None, -1)
         distance, height = np.abs(position[side] - position[centre]), ratio[side]
         if limit is not None:

@@ -196,12 +196,12 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
     draws, profiles = read_draws(run, fit), run.read(Profiles, PROFILES, verb="profile")
     # Intervals of converged draws, else of finished profiles of every free parameter.
     if draws is not None and draws.status == "converged":
-        fit = fit.with_intervals(draws.intervals)
+        fit = fit.with_intervals(draws.summaries)
     # Profiles of a model with redundant parameters are in other parameters.
     elif profiles is not None and profiles.model == fit.model and profiles.status == "finished":
         profiled = {profile.name for profile in profiles.profiles}
         if profiled.issuperset(estimate.name for estimate in fit.estimates if estimate.is_free):
-            fit = fit.with_intervals(profiles.intervals)
+            fit = fit.with_intervals(profiles.profiles)
     return StoredRun(
         place=run.path,
         fit=fit,

@@ -14,7 +14,7 @@ from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
 from mrwork.study.comparison import Comparison, compared, compared_quantities, rounds_to_increase
 from mrwork.study.loop_case import LoopCase
-from mrwork.study.results import Ensemble, StudyResults, Verdict
+from mrwork.study.results import Ensemble, StudyResults, StudyVerdict
 from mrwork.study.study import Study
 
 
@@ -26,7 +26,7 @@ def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
     )
 
 
-def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[Verdict]:
+def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[StudyVerdict]:
     """The first row of each rank, and whether the leading row is worse than each set's own references."""
     first = comparisons[0]
     labels = [row.label for row in first.results.rows]
@@ -34,7 +34,7 @@ def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[Verdict]:
         if len(rows) > 1:
             leaders = [comparison.ranks[index][1][0] for comparison in comparisons]
             leading = zip(comparisons, leaders, strict=True)
-            yield Verdict(
+            yield StudyVerdict(
                 subject=f"lowest score of {rank.title}",
                 answers=tuple(labels[row] for row in leaders),
                 values=tuple(each.results.score(row).mean for each, row in leading),
@@ -53,7 +53,7 @@ def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[Verdict]:
             changes[entry.title] = [each.tables[row, other][entry.name].mean for each, other in pairs]
         for name, values in changes.items():
             subject = f"{name} of {labels[row]} against {title}"
-            yield Verdict(subject=subject, answers=tuple(map(_answer, values)), values=tuple(values))
+            yield StudyVerdict(subject=subject, answers=tuple(map(_answer, values)), values=tuple(values))
 
 
 def _answer(change: float) -> str:

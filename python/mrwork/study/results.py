@@ -250,7 +250,7 @@ class RecordLevels:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class StudyVerdict:
     """What a study decides with each set of laws, of which the first is the chosen one.
 
     `values` are lowest scores, or differences of scores and relative changes of quantities against the reference.
@@ -280,7 +280,7 @@ class Ensemble(Summarised):
     _made_by: ClassVar[str] = "mr.load(folder).ensemble"
 
     sets: tuple[str, ...]
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[StudyVerdict, ...]
 
     @property
     def in_words(self) -> tuple[str, ...]:

@@ -224,6 +224,5 @@ def _ends(command: Command) -> tuple[float, ...]:
 
 
 def _about(values: Sequence[float]) -> list[float]:
-    """Geometric grid about the values, rounded to two digits, without duplicates."""
     spread = np.geomspace(min(values) / _FURTHER, max(values) * _FURTHER, _STEPS)
     return sorted({float(f"{value:.2g}") for value in spread})

@@ -112,7 +112,6 @@ class Plan(Summarised):
 
 
 def _repeating_motions(tests: Sequence[DamperTest], tested: OperatingRange) -> Iterator[Remark]:
-    """Ask for a random motion where the motions of all tests repeat."""
     if not all(has_regular_cycles(test) for test in tests):
         return
     low, high = tested.frequency or (0.0, 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 import scipy
@@ -120,23 +121,15 @@ def _excesses(test: DamperTest, centred: Floats, share: float) -> tuple[Excess, 
     turns = reversals(test.velocity)
     compared = [
         [
-            _excess(squared, scores, _windows(starts, width, test)[test.counted], share)
-            for starts, width in windows
+            excess
+            for width in WINDOWS
+            for inside in [_windows(starts - about * (width // 2), width, test)[test.counted]]
+            if (excess := _excess(squared, scores, inside, share)) is not None
         ]
-        for windows in (
-            [(steps, width) for width in WINDOWS],
-            [(turns - width // 2, width) for width in WINDOWS],
-        )
+        for starts, about in ((steps, 0), (turns, 1))
     ]
-    count = sum(not math.isnan(excess.p) for excesses in compared for excess in excesses)
-    after, at = (
-        min(
-            (excess for excess in excesses if not math.isnan(excess.p)),
-            key=lambda excess: excess.p,
-            default=Excess(),
-        )
-        for excesses in compared
-    )
+    count = sum(map(len, compared))
+    after, at = (min(excesses, key=attrgetter("p"), default=Excess()) for excesses in compared)
     return replace(after, p=min(count * after.p, 1.0)), replace(at, p=min(count * at.p, 1.0))
 
 
@@ -148,17 +141,17 @@ def _windows(starts: NDArray[np.intp], width: int, test: DamperTest) -> NDArray[
     return inside
 
 
-def _excess(squared: Floats, scores: Floats, inside: NDArray[np.bool_], share: float) -> Excess:
-    """Excess of the residuals inside over those outside.
+def _excess(squared: Floats, scores: Floats, inside: NDArray[np.bool_], share: float) -> Excess | None:
+    """Excess of the residuals inside over those outside; `None` where they cannot be compared.
 
     The ratio of the mean `scores` inside and outside is nearly F under white noise of any distribution: the scores
     follow an exponential variable, half a chi-squared one of two degrees of freedom.
     """
     if not inside.any() or np.mean(inside) > _MOST_OF_SAMPLES or not np.any(squared[~inside]):
-        return Excess()
+        return None
     freedom = 2.0 * share * np.array([np.count_nonzero(inside), np.count_nonzero(~inside)])
     if freedom[0] < _LEAST_FREEDOM:
-        return Excess()
+        return None
     ratio = float(np.mean(scores[inside]) / np.mean(scores[~inside]))
     return Excess(
         ratio=math.sqrt(float(np.mean(squared[inside]) / np.mean(squared[~inside]))),
@@ -189,7 +182,6 @@ def _breusch_pagan(squared: Floats, over: Floats, n_effective: float) -> float:
 
 
 def _excess_kurtosis(values: Floats) -> float:
-    """Fourth central moment over the squared second, less the 3 of a normal distribution."""
     squares = (values - values.mean()) ** 2
     return float(np.mean(squares**2) / np.mean(squares) ** 2 - 3.0)
 

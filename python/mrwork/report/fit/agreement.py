@@ -88,7 +88,6 @@ def tests_section(
 def _test_group(
     number: int, role: str, prediction: Prediction, quality: FitQuality, unit: str, more: Sequence[Panel]
 ) -> Group:
-    """A test with its conditions, its figures and `more`, and its remarks."""
     test = prediction.test
     remarks = sorted(test.remarks, key=lambda remark: remark.severity != "warning")
     return Group(
@@ -285,7 +284,6 @@ def _half_cycles(prediction: Prediction) -> Floats:
 
 
 def _classes(amplitude: Floats) -> NDArray[np.intp]:
-    """Number of the class of each amplitude [m], ascending."""
     decade = np.floor(np.log10(np.maximum(1e3 * amplitude, np.finfo(float).tiny)))
     within = np.searchsorted(_ENDS, 1e3 * amplitude / 10.0**decade)
     # The last class of a decade is the first of the next.

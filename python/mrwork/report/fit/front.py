@@ -11,7 +11,8 @@ import numpy as np
 from mrwork.base.numbers import format_fixed
 from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import list_names
-from mrwork.identification.fit import FINE, STATUS_IN_WORDS, Fit, FitSpread
+from mrwork.identification.fit import STATUS_IN_WORDS, Fit, FitSpread
+from mrwork.identification.interval import FINE
 from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
 from mrwork.plots.of_fits import laws as draw_laws
 from mrwork.plots.of_tests import Motion
@@ -58,12 +59,10 @@ class _Evidence:
 
     @property
     def spread(self) -> FitSpread:
-        """Median and worst of the fits."""
         return spread_of(self.drawn)
 
     @property
     def in_words(self) -> str:
-        """The verdict, a sentence or two."""
         spread, count = self.spread, self.spread.n_tests
         text = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
         if count > 1:
@@ -113,7 +112,7 @@ def _tests(count: int) -> str:
     return "one test" if count == 1 else f"{count} tests"
 
 
-def verdict_of(run: StoredRun, predictions: Sequence[Prediction]) -> str:
+def evidence_in_words(run: StoredRun, predictions: Sequence[Prediction]) -> str:
     """How well a run predicts, in a sentence or two."""
     return _evidence(run, predictions).in_words
 
@@ -227,14 +226,13 @@ def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Predict
     yield from fit.remarks
     if evidence.drawn is predictions and len(predictions) == 1:
         yield _ONE_MOTION.remark()
-    if doubtful := [each.name for each in fit.estimates if each.verdict not in (*FINE, "negligible")]:
+    if doubtful := [each.name for each in fit.estimates if each.verdict.word not in (*FINE, "negligible")]:
         yield _WEAK.remark(list_names(doubtful, 6))
     if any(prediction.test.synthetic for prediction in predictions):
         yield _SYNTHETIC.remark()
 
 
 def _advice(run: StoredRun) -> Iterator[Remark]:
-    """What to do next, the most useful first."""
     if (gap := run.fit.tested.gap) is not None:
         yield _GAP.remark(f"{gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}")
     if run.bands is None:

@@ -36,7 +36,7 @@ from mrwork.report.fit.figures import name_of
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
-from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage, calibrate
+from mrwork.uncertainty.bands.conformal import LEVEL, LEVELS, LeftOutCoverage, calibrate
 from mrwork.uncertainty.bands.predictions import Predictions
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
@@ -112,9 +112,8 @@ def held_out_section(held_out: Predictions) -> Section:
     )
 
 
-# The level that the text discusses, and the range of the mean coverage that counts as nominal at each.
-_LEVEL = 0.9
-_NOMINAL = {0.5: (0.35, 0.65), _LEVEL: (0.8, 0.97), 0.95: (0.87, 0.99)}
+# The range of the mean coverage that counts as nominal at each level.
+_NOMINAL = {0.5: (0.35, 0.65), LEVEL: (0.8, 0.97), 0.95: (0.87, 0.99)}
 # Fewer tests than this are weak evidence for the next.
 _FEW_TESTS = 5
 # Tests left out that are drawn.
@@ -131,7 +130,7 @@ def bands_section(bands: StoredBands, unit: str) -> Section:
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
         f"{bands.calibration.basis}: {'; '.join(names or bands.calibration.tests)}. It is valid for excitations and "
         f"commands like these; known beyond them: {bands.calibration.reach_in_words}.",
-        _verdict([*bands.by_test.values()]),
+        _on_coverage([*bands.by_test.values()]),
     )
     return Section(
         title="Prediction bands",
@@ -145,7 +144,7 @@ def coverage_summary(bands: StoredBands, held_out: Predictions | None = None) ->
     shares = [] if held_out is None else [*held_out.coverage]
     tests = "kept for test"
     if not shares:
-        shares, tests = [by_level[_LEVEL].samples.coverage for by_level in bands.by_test.values()], "left out"
+        shares, tests = [by_level[LEVEL].samples.coverage for by_level in bands.by_test.values()], "left out"
     if not shares:
         return "calibrated on one test, so their coverage is not known."
     span = f"{percent(min(shares), 0)} to {percent(max(shares), 0)} % of the samples of {len(shares)} tests {tests}"
@@ -154,7 +153,7 @@ def coverage_summary(bands: StoredBands, held_out: Predictions | None = None) ->
     return f"the 90 % bands contain {span}, {percent(float(np.mean(shares)), 0)} % on average."
 
 
-def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
+def _on_coverage(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
     """What the coverage of the tests by the bands of every level says about them, beside the summary."""
     if not tests:
         return "A single test cannot be left out of its own calibration. Give `mrwork calibrate` more tests."
@@ -174,8 +173,7 @@ def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
 
 
 def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
-    """Loops of the tests that their bands cover least, with these bands."""
-    shares = {label: by_level[_LEVEL].samples.coverage for label, by_level in bands.by_test.items()}
+    shares = {label: by_level[LEVEL].samples.coverage for label, by_level in bands.by_test.items()}
     predictions = [
         prediction
         for prediction in bands.predictions
@@ -191,7 +189,7 @@ def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
         for over in get_args(Motion):
             figure, axes = column_axes()
             axes.grid(True, axis="both")
-            draw_bands(prediction, axes, calibration=calibration, over=over, level=_LEVEL, unit=unit)
+            draw_bands(prediction, axes, calibration=calibration, over=over, level=LEVEL, unit=unit)
             finish_signed(axes)
             words = f"Force against {over} of test {name}, one cycle, with the 90 % prediction band"
             held = f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test."
@@ -272,9 +270,7 @@ _COLUMNS, _HEIGHT = 4, 2.2
 
 def profiles_section(profiles: Profiles) -> Section:
     """Intervals and a figure for each profiled parameter."""
-    open_ended = [
-        profile.name for profile in profiles.profiles if profile.lower is None or profile.upper is None
-    ]
+    open_ended = [profile.name for profile in profiles.profiles if profile.interval.is_open]
     count = len(profiles.profiles)
     ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
     what = f"Likelihood ratio over each of {count} parameters"
@@ -389,7 +385,6 @@ def _prose(draws: Draws) -> tuple[str, ...]:
 
 
 def _trace_figure(name: str, chain: Floats) -> Figure:
-    """Quantiles of the walkers over the steps kept, and two of them, of draws (n_walkers, n_kept)."""
     steps = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
     lower, median, upper = np.quantile(chain[:, steps], [0.05, 0.5, 0.95], axis=0)
     figure, axes = small_axes()

@@ -152,6 +152,5 @@ def write_figures(path: Path, page: Page, *, on_progress: OnProgress | None = No
 
 
 def _drawing(done: int, total: int, task: str) -> Progress:
-    """Parts of a page, or figure files, that are done, and the next one in words."""
     said = f"drawing the page, {done} of {total}: {task}"
     return Progress(stage="page", said=(said,), share=done / total, numbers={"done": done, "total": total})

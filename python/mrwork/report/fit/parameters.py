@@ -10,7 +10,8 @@ from markupsafe import Markup
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
-from mrwork.identification.fit import FINE, Fit, FittedParameter, Verdict, step_in_words
+from mrwork.identification.fit import Fit, FittedParameter, step_in_words
+from mrwork.identification.interval import FINE, Word
 from mrwork.plots.style import shown_unit
 from mrwork.report.html import equation_html, symbol
 from mrwork.report.section import Group, Section
@@ -20,9 +21,9 @@ from mrwork.runs.load import StoredRun
 def parameters_section(run: StoredRun) -> Section:
     """The model, its parameters with their uncertainty, and what the data determine."""
     fit, spec = run.fit, run.fit.spec
-    words = {estimate.verdict for estimate in fit.estimates}
+    words = {estimate.verdict.word for estimate in fit.estimates}
     notes = [remark.message for remark in fit.remarks if remark.severity == "note"]
-    advice = " ".join(_ADVICE[word] for word in get_args(Verdict) if word in _ADVICE and word in words)
+    advice = " ".join(_ADVICE[word] for word in get_args(Word) if word in _ADVICE and word in words)
     model = Markup('<div class="equation">{}</div>').format(Markup(equation_html(spec.equations)))
     groups = [Group(markup=model + Markup('<p class="note">{}</p>').format(spec.source))]
     if spec.own is not None:
@@ -56,14 +57,13 @@ def _as_sentence(clause: str) -> str:
 
 
 def _parameter_table(fit: Fit) -> Table:
-    """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict."""
     estimates = fit.fitted
-    if fit.intervals is None:
+    if fit.an_interval is None:
         pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
     else:
         pairs = [_value_and_interval(estimate) for estimate in estimates]
     values, errors = ([pair[index] for pair in pairs] for index in (0, 1))
-    verdicts = [estimate.verdict for estimate in estimates]
+    verdicts = [estimate.verdict.word for estimate in estimates]
     reasons = [_reason(estimate) for estimate in estimates]
     shares = ((estimate.standard_error, estimate.value) for estimate in estimates)
     relative = [
@@ -75,8 +75,8 @@ def _parameter_table(fit: Fit) -> Table:
     columns: dict[str, Sequence[str]] = {
         "Parameter": [name.format(Markup(symbol(estimate.name)), estimate.name) for estimate in estimates],
         "Value": _align_texts(values),
-        fit.uncertainty_heading.capitalize(): errors if fit.intervals else _align_texts(errors),
-        "Relative (%)": [] if fit.intervals else _align_texts(relative),
+        fit.uncertainty_heading.capitalize(): errors if fit.an_interval else _align_texts(errors),
+        "Relative (%)": [] if fit.an_interval else _align_texts(relative),
         "Unit": [shown_unit(estimate.unit) for estimate in estimates],
         "Lower bound": _align_texts([numbers.shortest(estimate.lower) for estimate in estimates]),
         "Upper bound": _align_texts([numbers.shortest(estimate.upper) for estimate in estimates]),
@@ -99,9 +99,10 @@ def _parameter_table(fit: Fit) -> Table:
 
 def _reason(estimate: FittedParameter) -> str:
     """The reason of the verdict, behind the bound that the estimate is at."""
-    if not estimate.at_bound or estimate.reason.startswith(estimate.state):
-        return estimate.reason
-    return "; ".join(filter(None, (estimate.state, estimate.reason)))
+    reason = estimate.verdict.reason
+    if not estimate.at_bound or reason.startswith(estimate.state):
+        return reason
+    return "; ".join(filter(None, (estimate.state, reason)))
 
 
 def _value_and_interval(estimate: FittedParameter) -> tuple[str, str]:
@@ -126,9 +127,9 @@ def caution(fit: Fit) -> str:
             f" The {numbers.format_fixed(fit.n_time, 0)} residuals count as "
             f"{numbers.format_fixed(fit.n_effective, 0)} effective samples, as their autocorrelation asks."
         )
-    if fit.intervals is not None:
+    if (interval := fit.an_interval) is not None:
         return (
-            f"The {fit.intervals.heading}s take the place of standard errors, and the verdicts follow from them. They "
+            f"The {interval.heading}s take the place of standard errors, and the verdicts follow from them. They "
             "hold if the model is right; an end that is not given is one at which the data do not bound the parameter."
             f"{counted}"
         )
@@ -148,7 +149,7 @@ def _align_texts(texts: Sequence[str]) -> list[Markup]:
     return [form.format(head, width, tail) for head, tail in parts]
 
 
-_ADVICE: dict[Verdict, str] = {
+_ADVICE: dict[Word, str] = {
     "weakly identifiable": "Quote a weakly identifiable parameter with its interval only.",
     "sign unknown": "Of a parameter of unknown sign not even the direction of its force is known: fix it at zero if it "
     "may be left out.",
@@ -160,12 +161,12 @@ _ADVICE: dict[Verdict, str] = {
 
 
 def _summary(fit: Fit) -> str:
-    judged = [estimate for estimate in fit.estimates if estimate.verdict not in ("", "fixed", "tied")]
+    judged = [estimate for estimate in fit.estimates if estimate.verdict.word not in ("", "fixed", "tied")]
     if not judged:
         return f"{len(fit.estimates)} parameters."
     names = {
-        word: [estimate.name for estimate in judged if estimate.verdict == word]
-        for word in get_args(Verdict)
+        word: [estimate.name for estimate in judged if estimate.verdict.word == word]
+        for word in get_args(Word)
         if word
     }
     certain = names.pop("identifiable")

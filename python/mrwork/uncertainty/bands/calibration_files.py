@@ -29,6 +29,7 @@ from mrwork.store.long_call import LongCall
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.conformal import (
+    LEVEL,
     LEVELS,
     Calibration,
     LeftOutCoverage,
@@ -50,18 +51,15 @@ def _thousandths(value: float) -> str:
 
 
 _VERB = "calibrate"
-# Level of the coverage and the interval score that stand for a calibration.
-_LEVEL = 0.9
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredBands(Summarised):
-    """A calibration, the coverage of each of its tests by the others, and the tests as they were predicted."""
+    """A calibration with the coverage of each of its tests by the others, and the tests as they were predicted."""
 
     calibration: Calibration
-    coverage: tuple[LeftOutCoverage, ...]
     predictions: tuple[Prediction, ...]
 
     @classmethod
@@ -70,25 +68,25 @@ class StoredBands(Summarised):
     ) -> StoredBands:
         """Calibrate on predictions of held-out tests, and measure the coverage of each by the others."""
         calibration = calibrate(predictions, held_out=held_out, beyond=beyond)
+        coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
         return cls(
-            calibration=calibration,
-            coverage=measured_coverage(predictions) if len(calibration.tests) > 1 else (),
+            calibration=replace(calibration, coverage=coverage),
             predictions=tuple(prediction for prediction in predictions if prediction.seen is None),
         )
 
     def document(self) -> dict[str, Any]:
         """What `mrwork calibrate --json` prints: `coverage_percent` is the mean at `level`, none of a single test."""
         calibration = self.calibration
-        shares = [entry.samples.coverage for entry in self.coverage if entry.level == _LEVEL]
+        shares = [entry.samples.coverage for entry in calibration.coverage if entry.level == LEVEL]
         return {
-            "level": _LEVEL,
+            "level": LEVEL,
             "coverage_percent": 100.0 * float(np.mean(shares)) if shares else None,
             "tests": calibration.tests,
             "held_out": calibration.held_out,
             "seen": [asdict(likeness) for likeness in calibration.seen],
             "shape": asdict(calibration.shape),
             "reach": [named(test_reach, "quantity", "below", "severity") for test_reach in calibration.reach],
-            "coverage": [asdict(entry) for entry in self.coverage],
+            "coverage": [asdict(entry) for entry in calibration.coverage],
         }
 
     def _summary(self) -> Summary:
@@ -96,14 +94,14 @@ class StoredBands(Summarised):
         return replace(
             calibration,
             facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions)))),
-            tables=[self._coverage_table] if self.coverage else [],
+            tables=[self._coverage_table] if self.calibration.coverage else [],
         )
 
     @property
     def by_test(self) -> dict[str, dict[float, LeftOutCoverage]]:
         """The coverage of each test at every level."""
         by_test: dict[str, dict[float, LeftOutCoverage]] = {}
-        for entry in self.coverage:
+        for entry in self.calibration.coverage:
             by_test.setdefault(entry.test, {})[entry.level] = entry
         return by_test
 
@@ -114,9 +112,9 @@ class StoredBands(Summarised):
         names = {prediction.test.label: prediction.test.name for prediction in self.predictions}
         columns: list[tuple[list[float], Callable[[float], str]]] = [
             *(([of_test[level].samples.coverage for of_test in of_tests], percent) for level in LEVELS),
-            ([of_test[_LEVEL].cycles_inside for of_test in of_tests], percent),
-            ([of_test[_LEVEL].samples.width for of_test in of_tests], _thousandths),
-            ([of_test[_LEVEL].samples.interval_score for of_test in of_tests], _thousandths),
+            ([of_test[LEVEL].cycles_inside for of_test in of_tests], percent),
+            ([of_test[LEVEL].samples.width for of_test in of_tests], _thousandths),
+            ([of_test[LEVEL].samples.interval_score for of_test in of_tests], _thousandths),
         ]
         return Table(
             title="Coverage of tests left out",
@@ -144,17 +142,12 @@ class StoredBands(Summarised):
         return [prediction for index, prediction in enumerate(self.predictions) if index not in alike]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Coverage:
-    coverage: tuple[LeftOutCoverage, ...]
-
-
 def read_bands(run: RunFolder) -> StoredBands | None:
     """The bands of the run folder of a fit, `None` where there are none."""
-    calibration, covered = stored_calibration(run), run.read(_Coverage, CALIBRATION, verb=_VERB)
-    if calibration is None or covered is None:
+    calibration = stored_calibration(run)
+    if calibration is None:
         return None
-    return StoredBands(calibration=calibration, coverage=covered.coverage, predictions=read_predictions(run))
+    return StoredBands(calibration=calibration, predictions=read_predictions(run))
 
 
 def write_bands(path: Path, bands: StoredBands) -> None:
@@ -165,7 +158,6 @@ def write_bands(path: Path, bands: StoredBands) -> None:
         "reach": [
             asdict(test_reach) | {"scores": _rounded(test_reach.scores)} for test_reach in calibration.reach
         ],
-        "coverage": [asdict(entry) for entry in bands.coverage],
     }
     contents = {
         CALIBRATION: json_document(document).encode(),
@@ -288,7 +280,6 @@ def cross_validated(
 
 
 def _name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
-    """Name in a run folder of the fit of cross-validation to these tests."""
     seen = [
         digest_of(
             *(test.dt, test.displacement, test.velocity, test.force),

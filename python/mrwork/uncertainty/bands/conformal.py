@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import ClassVar
 
 import numpy as np
 
 from mrwork.base.arguments import Level, Positive, Whole, checked
-from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import is_untested
 from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
@@ -47,6 +47,8 @@ from mrwork.uncertainty.bands.error_shape import (
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 
 LEVELS = (0.5, 0.9, 0.95)
+# That of the coverage and the interval score that stand for a calibration.
+LEVEL = 0.9
 
 # Probability by which chance leaves less of a test in its band, and tests of a calibration that tell of its scatter.
 _BY_CHANCE = 0.01
@@ -107,21 +109,27 @@ class Reach:
     def of(cls, predictions: Sequence[Prediction], shape: ErrorShape) -> tuple[Reach, ...]:
         """Reach in each quantity in which predictions are beyond the tests of their fits."""
         reached = defaultdict[tuple[OperatingQuantity, bool], list[tuple[str, float, Floats]]](list)
+        about_force = replace(shape, bias=())
         for prediction in predictions:
             for exceedance in driven(prediction.outside):
                 if not exceedance.between and np.isfinite(exceedance.severity):
                     reached[side_of(exceedance)].append(
-                        (prediction.test.label, exceedance.severity, shape.scores(prediction))
+                        (
+                            prediction.test.label,
+                            exceedance.severity,
+                            ErrorGroup.of([prediction]).scores(about_force)[0],
+                        )
                     )
         return tuple(
             cls(
                 quantity=quantity,
                 below=below,
-                tests=tuple(test for test, _, _ in rows),
-                severities=tuple(severity for _, severity, _ in rows),
-                scores=tuple(scores for _, _, scores in rows),
+                tests=tests,
+                severities=severities,
+                scores=scores,
             )
             for (quantity, below), rows in reached.items()
+            for tests, severities, scores in [zip(*rows, strict=True)]
         )
 
 
@@ -146,6 +154,16 @@ def driven(outside: Outside) -> tuple[Exceedance, ...]:
     return tuple(exceedance for exceedance in outside.exceedances if exceedance.quantity in _DRIVEN)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOutCoverage:
+    """Score of a band on one test left out, per deviation of its force, and the share of cycles in the energy band."""
+
+    test: str
+    level: Level
+    samples: BandScore
+    cycles_inside: float
+
+
 @array_dataclass(repr=False)
 class Calibration(Summarised):
     """Calibration of prediction bands from the errors on several tests.
@@ -155,7 +173,7 @@ class Calibration(Summarised):
     otherwise each would be predicted by its like. `n_repeating` of them have a motion that repeats. `motions` recognise
     all tests of the calibration; `seen` are tests that were given but not used, because the fit has seen their motion
     at their command. `tested` are the ranges of the tests of the calibration, and `reach` is how far beyond its tests
-    the model was tried.
+    the model was tried. `coverage` is that of each test by the others, where it was measured.
     """
 
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
@@ -169,6 +187,7 @@ class Calibration(Summarised):
     seen: tuple[Likeness, ...] = ()
     tested: OperatingRange
     reach: tuple[Reach, ...] = ()
+    coverage: tuple[LeftOutCoverage, ...] = ()
 
     @checked
     def knows(self, test: DamperTest) -> Likeness | None:
@@ -313,13 +332,11 @@ class Calibration(Summarised):
 
     def _summary(self) -> Summary:
         shape = self.shape
-        rows = [
-            (
-                test,
-                *(format_rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)),
-            )
-            for test, scores in zip(self.tests, self.scores.about_mean, strict=True)
-        ]
+        columns = (
+            Column("", "test", of=itemgetter(0)),
+            Column("", "median score", shown=3, of=lambda row: float(np.median(row[1]))),
+            Column("", "90 % score", shown=3, of=lambda row: float(np.quantile(row[1], 0.9))),
+        )
         return Summary(
             title=f"Calibration of prediction bands on {len(self.tests)} tests",
             facts=(
@@ -332,7 +349,7 @@ class Calibration(Summarised):
                 ("known beyond the tests", self.reach_in_words),
             ),
             remarks=self.remarks,
-            tables=[Table(columns=("test", "median score", "90 % score"), rows=rows)],
+            tables=[Table.of(columns, zip(self.tests, self.scores.about_mean, strict=True))],
         )
 
 
@@ -399,16 +416,6 @@ def _select_held_out(
         motions,
         tuple(prediction.seen for prediction in predictions if prediction.seen is not None),
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeftOutCoverage:
-    """Score of a band on one test left out, per deviation of its force, and the share of cycles in the energy band."""
-
-    test: str
-    level: Level
-    samples: BandScore
-    cycles_inside: float
 
 
 def measured_coverage(

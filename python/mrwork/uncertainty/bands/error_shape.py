@@ -50,21 +50,9 @@ class ErrorShape:
         """Scale of the error [N] at samples of this steepness; `deviation` [N] is that of the model's force."""
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
-    def scores(self, prediction: Prediction) -> Floats:
-        """Absolute errors of a prediction about the model's force, in their scale, at evenly spaced samples."""
-        every = even_samples(prediction)
-        scale = self.scale(prediction.deviation, prediction.steepness)
-        return np.abs(prediction.residual)[every] / scale[every]
-
 
 def _over_cycle(phase: Floats, bias: Sequence[float]) -> Floats:
-    """Mean error at each phase, by linear interpolation between the centres of bins."""
     return np.interp(phase, _CENTRES, bias, period=2.0 * np.pi)
-
-
-def even_samples(prediction: Prediction) -> slice:
-    """Evenly spaced samples of a prediction, of which there are not too many."""
-    return slice(None, None, max(1, prediction.force.size // _SAMPLES))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +99,7 @@ class ErrorGroup:
         """Sample the errors of the predictions of alike tests."""
         columns = []
         for member in members:
-            every = even_samples(member)
+            every = slice(None, None, max(1, member.force.size // _SAMPLES))
             rows = [member.residual[every], member.steepness[every], member.phase[every]]
             constant = [np.full(rows[0].size, value) for value in (member.deviation, np.std(member.measured))]
             columns.append(np.array([*rows, *constant]))

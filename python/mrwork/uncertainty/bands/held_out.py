@@ -20,7 +20,7 @@ from mrwork.uncertainty.bands.calibration_files import (
     read_predictions,
     stored_calibration,
 )
-from mrwork.uncertainty.bands.conformal import Calibration
+from mrwork.uncertainty.bands.conformal import LEVEL, Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, groups_of, with_others
 from mrwork.uncertainty.bands.predictions import Predictions
 
@@ -60,11 +60,10 @@ def _held_out(fit: Fit, predictions: Sequence[Prediction], calibration: Calibrat
     """Predictions of held-out tests that were read from a file, which has nothing of the fit."""
     words = fit.settings.observe
     judged = [
-        replace(prediction, outside=fit.outside(prediction.test, prediction.model_force))
-        for prediction in predictions
+        with_others(replace(each, outside=fit.outside(each.test, each.model_force)), fit, words)
+        for each in predictions
     ]
-    judged = [with_others(prediction, fit, words) for prediction in judged]
-    return Predictions.about(fit, judged, observe=words, calibration=calibration, level=_LEVEL)
+    return Predictions.about(fit, judged, observe=words, calibration=calibration, level=LEVEL)
 
 
 def keep_held_out(path: Path, predictions: Predictions) -> bool:
@@ -88,8 +87,6 @@ def read_held_out(run: RunFolder, fit: Fit) -> Predictions | None:
 
 
 _VERB = "predict"
-# Level of the band whose coverage is told of each test.
-_LEVEL = 0.9
 
 
 def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:

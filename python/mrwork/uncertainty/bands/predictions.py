@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from operator import attrgetter
 from typing import Annotated, Any, ClassVar, overload
 from warnings import warn
 
@@ -11,11 +12,11 @@ from mrwork.base.arguments import Level, checked
 from mrwork.base.hints import Within
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, named
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table, as_json
 from mrwork.dampers.spec import LAW_BEYOND, worst_laws
 from mrwork.dampers.tested_range import outside_remark, worst_of
 from mrwork.errors import MrworkWarning
-from mrwork.identification.fit import Fit, FitSpread
+from mrwork.identification.fit import Fit, FitQuality, FitSpread
 from mrwork.identification.problem import ignored_commands
 from mrwork.identification.residual import estimated_in_words, refuse_free, unestimated_effects
 from mrwork.records import DamperTest, Likeness
@@ -33,22 +34,77 @@ _TOO_NARROW = RemarkKind(
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictedTest:
+    """A prediction and its errors, the tests that it is alike to, and its band with its score.
+
+    `other_condition` is the test of the fit with its motion but another force, `used` the test of the calibration that
+    it is alike to. The `band` is `None` farther beyond the tests than the model was tried.
+    """
+
+    prediction: Prediction
+    quality: FitQuality
+    other_condition: Likeness | None
+    used: Likeness | None
+    band: Band | None
+    score: BandScore | None
+
+    @property
+    def is_held_out(self) -> bool:
+        """Whether neither the fit nor the calibration has seen the test."""
+        return self.prediction.seen is None and self.used is None
+
+
+# What the predictions have in their table and in JSON; the last ones only where bands were asked for.
+_COLUMNS = (
+    Column("file", "file", of=attrgetter("prediction.test.label")),
+    Column(
+        "fit_percent", "fit", "%", shown=lambda value: f"{value:.2f}", of=attrgetter("quality.fit_percent")
+    ),
+    Column("nrmse", "NRMSE", shown=lambda value: f"{value:.4f}", of=attrgetter("quality.nrmse")),
+    Column("rmse_n", "RMSE", "N", shown=lambda value: f"{value:.2f}", of=attrgetter("quality.rmse_n")),
+    Column("error_norms", of=attrgetter("quality.error_norms")),
+    Column("n_time", "samples", of=attrgetter("quality.n_time")),
+    Column("settle_seconds", of=attrgetter("quality.settle_seconds")),
+    Column("substeps", "sub-steps", of=attrgetter("quality.substeps")),
+    Column("seen", of=attrgetter("prediction.seen")),
+    Column("other_condition"),
+    Column("estimated", of=attrgetter("quality.estimated")),
+    Column("outside_tested_range", of=lambda row: list(row.prediction.outside.names)),
+    Column("remarks", of=lambda row: list(map(asdict, row.prediction.outside.remarks))),
+    Column(
+        "sets_apart_percent", of=lambda row: row.prediction.sets_apart and row.prediction.sets_apart.percent
+    ),
+)
+_OF_BANDS = (
+    Column("", "+-", "N", of=lambda row: "none" if row.band is None else row.band.half_width_in_words),
+    Column(
+        "coverage_percent",
+        "inside",
+        "%",
+        shown=lambda value: "" if value is None else f"{value:.1f}",
+        of=lambda row: row.score and 100.0 * row.score.coverage,
+    ),
+    Column("mean_width_n", of=lambda row: row.score and row.score.width),
+    Column("interval_score", of=lambda row: row.score and row.score.interval_score),
+    Column("basis", of=lambda row: row.band and row.band.basis),
+    Column("calibrated_on", of=attrgetter("used")),
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Predictions(Summarised):
     """Predictions of tests by a fit, each with its band where a `calibration` and a `level` are given.
 
-    `used` are the tests of the calibration that the predicted ones are alike to, `None` for others; `bands` have
-    their scores against the measured force beside them, and are `None` farther beyond the tests than the model was
-    tried. `remarks` are what the command, the observation, the tested ranges and the calibration say against them.
+    `basis` is the origin of the bands in words, empty without any. `remarks` are what the command, the observation, the
+    tested ranges and the calibration say against them.
     """
 
     _made_by: ClassVar[str] = "mr.predict(fit, tests)"
 
     fit: Fit
-    predictions: tuple[Prediction, ...]
+    rows: tuple[PredictedTest, ...]
     observe: Sequence[str]
-    used: tuple[Likeness | None, ...]
-    bands: tuple[tuple[Band, BandScore] | None, ...] = ()
     level: float | None = None
     basis: str = ""
     remarks: tuple[Remark, ...] = ()
@@ -94,32 +150,33 @@ class Predictions(Summarised):
         level: float | None,
     ) -> Predictions:
         """Predictions that were made already, with the bands of a calibration."""
-        bands: tuple[tuple[Band, BandScore] | None, ...] = ()
-        if calibration is not None and level is not None:
-            of_tests = [calibration.band(prediction, level) for prediction in predictions]
-            bands = tuple(
-                None if band is None else (band, score(band, prediction.measured))
-                for band, prediction in zip(of_tests, predictions, strict=True)
+        banded = calibration if level is not None else None
+        rows = []
+        for prediction in predictions:
+            band = banded.band(prediction, level or 0.0) if banded is not None else None
+            rows.append(
+                PredictedTest(
+                    prediction=prediction,
+                    quality=prediction.quality,
+                    other_condition=fit.other_condition(prediction.test),
+                    used=None if calibration is None else calibration.knows(prediction.test),
+                    band=band,
+                    score=None if band is None else score(band, prediction.measured),
+                )
             )
-        made = cls(
-            fit=fit,
-            predictions=tuple(predictions),
-            observe=observe,
-            used=tuple(
-                None if calibration is None else calibration.knows(prediction.test)
-                for prediction in predictions
-            ),
-            bands=bands,
-            level=level,
-            basis=calibration.basis if calibration is not None and bands else "",
-        )
-        return replace(made, remarks=(*made._about_motions(), *made._about_bands(calibration)))
+        basis = "" if banded is None else banded.basis
+        made = cls(fit=fit, rows=tuple(rows), observe=observe, level=level, basis=basis)
+        return replace(made, remarks=(*made._about_motions(), *made._about_bands(banded)))
+
+    @property
+    def predictions(self) -> tuple[Prediction, ...]:
+        """The predicted tests with their forces."""
+        return tuple(row.prediction for row in self.rows)
 
     @property
     def held_out(self) -> tuple[Prediction, ...]:
         """Predictions of tests that neither the fit nor the calibration has seen."""
-        pairs = zip(self.predictions, self.used, strict=True)
-        return tuple(prediction for prediction, used in pairs if prediction.seen is None and used is None)
+        return tuple(row.prediction for row in self.rows if row.is_held_out)
 
     @property
     def spread(self) -> FitSpread:
@@ -143,19 +200,12 @@ class Predictions(Summarised):
             yield outside_remark(exceedance, f", {label}{files}")
         limits = worst_laws(limit for _, outside in cases for limit in outside.laws)
         yield from (limit.remark(LAW_BEYOND) for limit in limits)
-        yield from (condition.condition for condition in map(self.fit.other_condition, tests) if condition)
-
-    @property
-    def _held_out_bands(self) -> Iterator[tuple[Prediction, Band, float]]:
-        """Each test with a band that neither fit nor calibration has seen, and the share of it in the band."""
-        for prediction, used, pair in zip(self.predictions, self.used, self.bands, strict=False):
-            if prediction.seen is None and used is None and pair is not None:
-                yield prediction, pair[0], pair[1].coverage
+        yield from (row.other_condition.condition for row in self.rows if row.other_condition)
 
     @property
     def coverage(self) -> tuple[float, ...]:
         """Share of the samples in its band, of each test with a band that neither fit nor calibration has seen."""
-        return tuple(coverage for _, _, coverage in self._held_out_bands)
+        return tuple(row.score.coverage for row in self.rows if row.is_held_out and row.score)
 
     def _about_bands(self, calibration: Calibration | None) -> Iterator[Remark]:
         """Predictions without a band, of another kind than the calibration, and held by less than chance leaves."""
@@ -164,8 +214,13 @@ class Predictions(Summarised):
         found = (*map(calibration.test_to_run, self.predictions), calibration.new_kind(self.predictions))
         yield from filter(None, found)
         shares = [
-            (coverage, calibration.least_by_chance(prediction, band), prediction.test.label)
-            for prediction, band, coverage in self._held_out_bands
+            (
+                row.score.coverage,
+                calibration.least_by_chance(row.prediction, row.band),
+                row.prediction.test.label,
+            )
+            for row in self.rows
+            if row.is_held_out and row.band and row.score
         ]
         if short := [share for share in shares if share[0] < share[1]]:
             coverage, least, label = min(short)
@@ -193,81 +248,33 @@ class Predictions(Summarised):
         spreads = {"spread": several, "spread_unseen": self.spread_unseen}
         return {
             "model": self.fit.model,
-            "files": [self._file(number) for number in range(len(self.predictions))],
+            "files": [as_json(self._columns, row) for row in self.rows],
             "observe": self.observe,
             "remarks": list(map(asdict, self.remarks)),
             **{name: asdict(spread) for name, spread in spreads.items() if spread is not None},
             **{name: text for name, text in named(self, "sets_apart", "basis").items() if text},
         }
 
-    def _file(self, number: int) -> dict[str, Any]:
-        """What `document` has of a prediction: quality, likeness to seen tests, and the band where there is one."""
-        each, used, quality = self.predictions[number], self.used[number], self.predictions[number].quality
-        condition = self.fit.other_condition(each.test)
-        entry = {
-            "file": each.test.label,
-            **named(quality, "fit_percent", "nrmse", "rmse_n"),
-            "error_norms": asdict(quality.error_norms),
-            **named(quality, "n_time", "settle_seconds", "substeps"),
-            "seen": None if each.seen is None else asdict(each.seen),
-            "other_condition": None if condition is None else asdict(condition),
-            "estimated": asdict(quality.estimated) if effects_of_each(self.observe) else None,
-            "outside_tested_range": list(each.outside.names) if each.outside.known else None,
-            "remarks": list(map(asdict, each.outside.remarks)),
-            "sets_apart_percent": None if each.sets_apart is None else each.sets_apart.percent,
-        }
-        if not self.bands:
-            return entry
-        pair = self.bands[number]
-        if pair is None:
-            nothing = dict.fromkeys(("coverage_percent", "mean_width_n", "interval_score", "band"))
-            return entry | nothing
-        band, scored = pair
-        return entry | {
-            "coverage_percent": 100.0 * scored.coverage,
-            "mean_width_n": scored.width,
-            "interval_score": scored.interval_score,
-            "band": {
-                "level": band.level,
-                "half_width_n": 0.5 * scored.width,
-                "inside": scored.coverage,
-                "basis": band.basis,
-                "calibrated_on": None if used is None else asdict(used),
-            },
-        }
+    @property
+    def _columns(self) -> tuple[Column, ...]:
+        return (*_COLUMNS, *(_OF_BANDS if self.basis else ()))
 
     def _summary(self) -> Summary:
-        heads = ("file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps", "+- [N]", "inside %")
-        rows = []
-        for number, prediction in enumerate(self.predictions):
-            quality = prediction.quality
-            band = ("", "")
-            if self.bands:
-                pair = self.bands[number]
-                band = ("none", "")
-                if pair is not None:
-                    band = (pair[0].half_width_in_words, f"{100.0 * pair[1].coverage:.1f}")
-            rows.append(
-                (
-                    *(prediction.test.label, f"{quality.fit_percent:.2f}", f"{quality.nrmse:.4f}"),
-                    *(f"{quality.rmse_n:.2f}", str(quality.n_time), str(quality.substeps), *band),
-                )
-            )
         notes = [self.spread.in_words] if len(self.predictions) > 1 else []
         if each := effects_of_each(self.observe):
             notes.append(f"Estimated from the measured force of each test: {estimated_in_words(each)}.")
         notes += [f"{self.sets_apart}."] if self.sets_apart else []
-        if self.bands:
+        if self.basis:
             notes.append(f"Bands of {100.0 * (self.level or 0.0):g} %, {self.basis}.")
         if seen := [prediction.seen for prediction in self.predictions if prediction.seen is not None]:
             notes.append(f"Seen by the fit: {likenesses_in_words(seen)}.")
         notes += [] if self.spread_unseen is None else [f"Not seen by the fit: {self.spread_unseen.in_words}"]
-        if self.bands and (used := [likeness for likeness in self.used if likeness is not None]):
+        if self.basis and (used := [row.used for row in self.rows if row.used is not None]):
             notes.append(f"Used for the calibration of the bands: {likenesses_in_words(used)}.")
         return Summary(
             title=f"Predictions by a fit of {self.fit.model}",
             remarks=self.remarks,
-            tables=[Table(columns=heads, rows=rows)],
+            tables=[Table.of(self._columns, self.rows)],
             notes=notes,
         )
 

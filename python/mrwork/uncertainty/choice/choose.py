@@ -18,7 +18,7 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArrays, WithAxes
-from mrwork.base.progress import OnProgress, Progress, time_left
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
@@ -44,7 +44,7 @@ from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.collapse import with_collapses
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.choice.splits import Splits, splits_of
-from mrwork.workers.engine import Workers, on_executor, present_workers
+from mrwork.workers.engine import Workers, on_executor
 
 T = TypeVar("T")
 _NO_LAW = RemarkKind("laws_of_no_parameter", "none of the parameters that follow the command is one of {0}")
@@ -64,11 +64,10 @@ def families(
     specs, remarks = compared_models(models)
     lawful = []
     for spec in specs:
-        family_laws = {
-            name: law for name, law in laws.items() if name in {parameter.name for parameter in spec.plain}
-        }
-        followed = spec.with_current_laws({}, unit=unit, lagged=lagged) if family_laws else spec
-        lawful.append(with_laws_at(followed, family_laws, tests) if family_laws else spec)
+        names = {parameter.name for parameter in spec.plain}
+        if own := {name: law for name, law in laws.items() if name in names}:
+            spec = with_laws_at(spec.with_current_laws({}, unit=unit, lagged=lagged), own, tests)
+        lawful.append(spec)
     refuse_unknown("law", laws, [parameter.name for spec in specs for parameter in spec.plain])
     refuse_unknown("bound", bounds, [name for spec in lawful for name in spec.names])
     plain = [spec.name for spec in lawful if spec.command_unit is None]
@@ -110,7 +109,6 @@ def refuse_unknown(what: str, names: Iterable[str], known: Iterable[str]) -> Non
 def _refuse_few_commands(
     compared: Sequence[DamperSpec], tests: tuple[DamperTest, ...], splits: Splits
 ) -> None:
-    """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
     rests = splits.rests if len(tests) > 1 else []
     for spec in filter(lambda spec: spec.command_unit is not None, compared):
         tested, needed = CommandedTests.of(spec, tests), levels_needed(spec)
@@ -176,32 +174,18 @@ class Choosing(LongCall[Choice]):
         *said: str,
         within: Progress | None = None,
         share: float | None = None,
-        left: float | None = None,
         numbers: Mapping[str, float] | None = None,
     ) -> None:
         """Report what is said of a model, which is named where there are several, and of the fit `within`, if any."""
         names = [each.name for each in self.models]
         of_several = [f"{model}, model {1 + names.index(model)} of {len(names)}"] if len(names) > 1 else []
         of_fit = () if within is None else within.said[:2]
-        self.report(
-            Progress(
-                stage="choice",
-                said=(*of_several, *said, *of_fit),
-                share=share,
-                left=left,
-                numbers=numbers or {},
-            )
-        )
+        said = (*of_several, *said, *of_fit)
+        self.report(Progress(stage="choice", said=said, share=share, numbers=numbers or {}))
 
     def failing(self, model: DamperSpec) -> Standing:
         """The standing of a model that could not be fitted, with the reason."""
-        return Standing(
-            model=model.name,
-            title=model.title,
-            n_params=len(model.parameters),
-            status="failed",
-            reason=self.failed.get(model.name, ""),
-        )
+        return Standing.of(model, reason=self.failed.get(model.name, ""))
 
     def ranked(self, candidates: Sequence[Standing], **facts: object) -> Ranking:
         """The ranking of candidates; models that have none are missing."""
@@ -223,8 +207,7 @@ class _ChoosingModel(Choosing):
     settings: FitSettings
     candidates: dict[str, Standing] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
-    # Seconds and number of parameters of the fits so far; the cost of a fit grows with its parameters.
-    spent: float = 0.0
+    # Number of parameters of the fits so far; the cost of a fit grows with its parameters.
     done: int = 0
 
     def batch(self) -> FitBatch:
@@ -278,7 +261,6 @@ class _ChoosingModel(Choosing):
         self.fits[model] = fit
 
     def choice(self) -> Choice:
-        """The choice among the families that are done."""
         rows = with_collapses([*self.candidates.values()], self.fits, self.tests)
         ranking = self.ranked(rows, remarks=self.remarks)
         order = [standing.model for standing in ranking.standings if standing.model in self.fits]
@@ -292,21 +274,17 @@ class _ChoosingModel(Choosing):
         )
 
     def _count(self, number: int, fit: Fit) -> None:
-        self.spent += fit.seconds
         self.done += len(fit.spec.parameters)
 
     def _report_fit(self, number: int, within: Progress | None) -> None:
         n_splits = self.splits.n_splits
         model_index, fold = divmod(number, 1 + n_splits)
         total = (1 + n_splits) * sum(len(model.parameters) for model in self.models)
-        left = time_left({"fits": max(total - self.done, 0)}, {"fits": self.done}, {"fits": self.spent})
         self.tell(
             self.models[model_index].name,
             f"left out {fold} of {n_splits}" if fold else "all tests",
             within=within,
             share=self.done / total,
-            # Fits on workers do not follow each other.
-            left=left if present_workers() is None else None,
         )
 
 

@@ -69,7 +69,6 @@ def with_collapses(
 
 
 def _residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> list[Floats]:
-    """Residuals of each test, in deviations of its measured force, shape (n_counted,)."""
     predictions = predictions_of(fit, tests)
     return [prediction.residual / np.std(prediction.measured) for prediction in predictions]
 
@@ -84,7 +83,7 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
         "undetermined": [
             estimate.name
             for index, estimate in free
-            if estimate.verdict == "not identifiable"
+            if estimate.verdict.word == "not identifiable"
             or (estimate.standard_error is not None and estimate.standard_error > scales[index].size)
         ],
     }

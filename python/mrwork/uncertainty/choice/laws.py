@@ -43,7 +43,7 @@ from mrwork.uncertainty.choice.choose import (
 )
 from mrwork.uncertainty.choice.law_search import FittedLaws, Laws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
-from mrwork.uncertainty.choice.ranking import RULES, RULES_OF_LAWS, Ranking, Standing
+from mrwork.uncertainty.choice.ranking import Ranking, Standing
 
 # Most sets of laws beside the chosen one that are kept with it, and by how much the forces of any two differ at least,
 # per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
@@ -65,7 +65,6 @@ class _ChoosingLaws(Choosing):
 
     @property
     def fitted_laws(self) -> list[FittedLaws]:
-        """The sets of laws that were fitted, of all models."""
         return [laws for search in self.searches.values() for laws in search.fitted]
 
     def evaluate(self, search: LawSearch) -> None:
@@ -162,7 +161,6 @@ class _ChoosingLaws(Choosing):
         search.run(self.firsts[search.name])
 
     def _final_fit(self, search: LawSearch, laws: FittedLaws, journal: Journal | None) -> Fit:
-        """The fit of laws to the whole tests, from their fit to the excerpts."""
         start, doubt = self._confirmed(search, laws)
         return identify_with(
             laws.spec,
@@ -245,7 +243,6 @@ class _ChoosingLaws(Choosing):
         return sets
 
     def _rank(self, *, complete: bool) -> Ranking:
-        """The ranking of the laws that were fitted, and of models that could not be."""
         rows = [laws.row for search in self.searches.values() for laws in search.distinct()]
         n_same = len(self.fitted_laws) - len(rows)
         same = [_NOT_LISTED.remark(measured=Measured(n_same, ""))] if n_same else []
@@ -253,14 +250,12 @@ class _ChoosingLaws(Choosing):
         return self.ranked(
             rows,
             remarks=(*self.remarks, *same),
-            definitions=(*RULES, *RULES_OF_LAWS),
             unit=self.unit,
             given=dict(self.given),
             complete=complete,
         )
 
     def _fitted(self, standing: Standing) -> tuple[LawSearch, FittedLaws]:
-        """The search and the fitted laws of a standing."""
         search = self.searches[standing.model]
         return search, next(laws for laws in search.fitted if laws.row.laws == standing.laws)
 

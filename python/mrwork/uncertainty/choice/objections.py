@@ -75,7 +75,6 @@ def fastest_at_commands(
 
 
 def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> Iterator[Remark]:
-    """Warn of a force that falls beyond the tested velocities, at the command where it falls most."""
     worst, test_of_worst = -_FALLS, None
     for test, loading in fastest_at_commands(spec, tests):
         faster = replace(loading, dt=loading.dt / _FASTER, velocity=test.velocity * _FASTER)

@@ -6,7 +6,7 @@ A candidate is a model with the laws of its parameters.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from operator import attrgetter
 from typing import Any, Literal
@@ -35,7 +35,7 @@ _FAR_BETTER = 2.0
 # NRMSE of a prediction by the mean force, which a test counts that cannot be predicted.
 NOT_PREDICTED = 1.0
 
-RULES = (
+_RULES = (
     "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean of two kinds with equal weights. "
     "Inside: tests that lie between those that remain. Beyond: the fastest, slowest and largest motions, each left out "
     "with every test at or beyond it. Both are means over motions, with a standard error, of the geometric mean of the "
@@ -50,11 +50,11 @@ RULES = (
     "Provisional: the candidate that would be chosen, while one that could not predict a test has less than "
     f"1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
 )
-RULE_OF_COLLAPSE = (
+_RULE_OF_COLLAPSE = (
     "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
     "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen."
 )
-RULES_OF_LAWS = (
+_RULES_OF_LAWS = (
     "The search starts with every positive parameter quadratic in the command, then every one but offsets, and tries "
     "neighbours of the best laws, of the simplest as good, and of others as good: those that promise most when the "
     "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, "
@@ -66,7 +66,7 @@ RULES_OF_LAWS = (
     "measure it without bias.",
 )
 
-Verdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed", "goes on"]
+Place = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed", "goes on"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +83,7 @@ class Standing:
     title: str
     n_params: Whole
     laws: dict[str, LawName] = field(default_factory=dict)
-    verdict: Verdict = "behind"
+    verdict: Place = "behind"
     status: str = ""
     reason: str = ""
     seconds: NotNegative = 0.0
@@ -102,6 +102,12 @@ class Standing:
     steps: float | None = None
     is_costly: bool = False
     same_as: str = ""
+
+    @classmethod
+    def of(cls, model: DamperSpec, *, reason: str = "") -> Standing:
+        """The row of a model that is not fitted, or could not be for the reason."""
+        n_params = len(model.parameters)
+        return cls(model=model.name, title=model.title, n_params=n_params, status="failed", reason=reason)
 
     def scored(
         self,
@@ -202,7 +208,6 @@ def _with_error(value: float | None, error: float | None) -> str:
 
 
 def _percent(key: str, heading: str = "", *, words: str) -> Column:
-    """A column of percentages."""
     return Column(key, heading, "%", words, shown=lambda value: format_fixed(value, 2))
 
 
@@ -238,7 +243,7 @@ _SCREENED = [
 
 
 def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
-    """Candidates by their left-out fit, best first, with verdicts by the rules of `RULES`.
+    """Candidates by their left-out fit, best first, with verdicts by the rules of `_RULES`.
 
     Unusable and collapsed ones follow, those that failed come last. A candidate counts as collapsed if the simpler one
     predicts what was left out.
@@ -260,7 +265,7 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
     lost = [*failed, *(candidate for candidate in predicted if candidate.not_predicted)]
 
     def judged(candidate: Standing) -> Standing:
-        verdict: Verdict = "behind"
+        verdict: Place = "behind"
         if candidate is chosen:
             verdict = "provisional" if any(_is_far_better(other, chosen) for other in lost) else "chosen"
         elif candidate in good:
@@ -305,7 +310,6 @@ def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing]:
 
 
 def _is_far_better(lost: Standing, chosen: Standing) -> bool:
-    """Whether a candidate has far less error on all tests than the chosen one."""
     if lost.fit_percent is None or chosen.fit_percent is None:
         return False
     return 100.0 - chosen.fit_percent > _FAR_BETTER * (100.0 - lost.fit_percent)
@@ -344,7 +348,6 @@ class Ranking(WithAxes, Summarised):
     n_folds: Whole
     remarks: tuple[Remark, ...] = ()
     missing: tuple[str, ...] = ()
-    definitions: tuple[str, ...] = (*RULES, RULE_OF_COLLAPSE)
     unit: CommandUnit | None = None
     given: dict[str, LawName] = field(default_factory=dict)
     complete: bool = True
@@ -359,39 +362,22 @@ class Ranking(WithAxes, Summarised):
             ranking, chosen=ranking.chosen_standing.model, remarks=remarks, sentence=ranking._sentence()
         )
 
-    def document(self) -> dict[str, Any]:
-        """What the command line prints as JSON; where laws were chosen, with the names of their table."""
-        document = asdict(self)
-        if self.unit is None:
-            return document
-        tried = [
-            row | {"behind": row["left_out_behind"], "behind_error": row["left_out_behind_error"]}
-            for row in document["standings"]
-        ]
-        failed = {standing.model: standing.reason for standing in self._of("failed")}
-        models = [*dict.fromkeys(standing.model for standing in self.standings), *self.missing]
-        return document | {"model": self.chosen, "tried": tried, "failed": failed, "models": models}
-
     def _named_arrays(self) -> NamedArrays:
-        axis, labels = "model", NamedArray.of([standing.model for standing in self.standings])
-        laws = dict[str, NamedArray]()
-        if self.unit is not None:
-            axis, labels = "tried", NamedArray.of(range(len(self.standings)))
-            laws = {
-                f"law_{name}": NamedArray.of(
-                    [standing.laws.get(name, "constant") for standing in self.standings],
-                    axis,
-                    long_name=f"law of {name}",
-                )
-                for name in dict.fromkeys(name for standing in self.standings for name in standing.laws)
-            }
-        # The labels of the rows are no arrays.
-        columns = [column for column in _COLUMNS if column.key != axis]
+        # Of one model there are several sets of laws.
+        labels = range(len(self.standings)) if self.unit else [standing.model for standing in self.standings]
+        laws = {
+            f"law_{name}": NamedArray.of(
+                [standing.laws.get(name, "constant") for standing in self.standings],
+                "candidate",
+                long_name=f"law of {name}",
+            )
+            for name in dict.fromkeys(name for standing in self.standings for name in standing.laws)
+        }
         return NamedArrays(
             title=f"Choice of {self._what}: {self.chosen}",
-            rows=(axis,),
-            labels={axis: labels},
-            arrays=columns_of(self.standings, axis, columns) | laws,
+            rows=("candidate",),
+            labels={"candidate": NamedArray.of(labels)},
+            arrays=columns_of(self.standings, "candidate", _COLUMNS) | laws,
         )
 
     @property
@@ -399,11 +385,16 @@ class Ranking(WithAxes, Summarised):
         return "model" if self.unit is None else "current laws"
 
     @property
+    def definitions(self) -> tuple[str, ...]:
+        """What the numbers and verdicts mean, a sentence or a few each."""
+        return *_RULES, *((_RULE_OF_COLLAPSE,) if self.unit is None else _RULES_OF_LAWS)
+
+    @property
     def chosen_standing(self) -> Standing:
         """The chosen candidate, or the provisional one."""
         return next(standing for standing in self.standings if standing.is_chosen)
 
-    def _of(self, verdict: Verdict) -> list[Standing]:
+    def _of(self, verdict: Place) -> list[Standing]:
         return [standing for standing in self.standings if standing.verdict == verdict]
 
     @property
@@ -459,7 +450,6 @@ class Ranking(WithAxes, Summarised):
         yield _COSTLY.remark(chosen.in_words, measured=Measured(steps, ""), cost=cost, others=others)
 
     def _sentence(self) -> str:
-        """What was chosen, how it predicts, and what lies behind."""
         chosen, best = self.chosen_standing, self.standings[0]
         parts = [self._choice()]
         others = [standing.in_words for standing in self._of("as good") if standing is not best]

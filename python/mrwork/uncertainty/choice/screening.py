@@ -100,7 +100,7 @@ class Screening:
 
     def standing(self, spec: DamperSpec) -> Standing:
         """A family by its predictions of the tests left out, with its cost in a building at the highest command."""
-        box, row = Box.of(spec), Standing(model=spec.name, title=spec.title, n_params=len(spec.parameters))
+        box = Box.of(spec)
         objective = Objective.of(spec, self.excerpts, self.settings, threads=self.threads)
         objective = up_to(objective, min(friction_limit(self.excerpts), objective.stiffest))
 
@@ -118,15 +118,13 @@ class Screening:
             n_free, rng = len(wide.free), self.settings.rng
             drawn = draw_samples(few, box, wide.theta_from_unit, n_free, Race(), rng=rng)
             if not len(drawn):
-                return replace(row, status="failed", reason="it could not be simulated")
+                return Standing.of(spec, reason="it could not be simulated")
             starts.append(np.resize(drawn, (_STARTS, len(box.names))))
         minima = fits(np.concatenate(starts), np.repeat(self.at_level, _STARTS, axis=0))
         best = minima.misfit.reshape(-1, _STARTS).argmin(axis=1)
         theta = minima.theta[best + _STARTS * np.arange(len(best))]
         # At each command a fit without each split, which predicts what is left out there.
-        left_out = np.zeros((self.splits.n_splits, len(self.excerpts)), dtype=np.bool_)
-        for number, members in enumerate(self.splits.members):
-            left_out[number, members] = True
+        left_out = self.splits.left_out
         fitted, predicted = self.at_level[:, None] & ~left_out, self.at_level[:, None] & left_out
         rows = fitted.any(axis=2) & predicted.any(axis=2)
         minima = fits(np.repeat(theta[:, None], len(left_out), axis=1)[rows], fitted[rows])
@@ -134,9 +132,8 @@ class Screening:
         squared[rows] = objective.squared_nrmse(minima.theta, predicted[rows])
         nrmse = np.sqrt(squared.min(axis=0))
         errors = [nrmse[number, members] for number, members in enumerate(self.splits.members)]
-        return replace(
-            row.scored(errors, self.splits, spec, theta[-1], tests[-1]), status="converged", remarks=()
-        )
+        row = Standing.of(spec).scored(errors, self.splits, spec, theta[-1], tests[-1])
+        return replace(row, status="converged", remarks=())
 
 
 @checked

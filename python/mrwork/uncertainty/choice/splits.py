@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import list_names
@@ -76,6 +77,11 @@ class Splits:
         return [list(split.members) for split in self.splits]
 
     @property
+    def left_out(self) -> NDArray[np.bool_]:
+        """Whether each split leaves out each test, shape (n_splits, n_tests)."""
+        return np.array([np.isin(range(len(self.tests)), split.members) for split in self.splits])
+
+    @property
     def n_splits(self) -> int:
         """Number of fits to less than all tests."""
         return len(self.splits)
@@ -120,11 +126,8 @@ class Splits:
         """Mean errors inside and outside of the tests that remain, `None` where there is no such split."""
         if self.fold is None:
             return None, None
-        inside, outside = self._kinds(nrmse)
-        return (
-            float(np.mean([*inside.values()])) if inside else None,
-            float(np.mean([*outside.values()])) if outside else None,
-        )
+        inside, outside = (float(np.mean([*kind.values()])) if kind else None for kind in self._kinds(nrmse))
+        return inside, outside
 
     def _kinds(self, nrmse: Sequence[Floats]) -> tuple[dict[int, float], dict[int, float]]:
         """Error of each unit inside and outside of the tests that remain."""

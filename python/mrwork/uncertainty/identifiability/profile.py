@@ -5,7 +5,7 @@ A profile is the least misfit with one parameter held; its confidence interval l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import nan
 from operator import attrgetter
@@ -17,18 +17,19 @@ import numpy as np
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
-from mrwork.base.numbers import of_unit, significant
+from mrwork.base.numbers import of_unit
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Column, Table
+from mrwork.base.table import Column, Table, as_json
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import Slopes, covariance
-from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
+from mrwork.identification.fit import Fit
 from mrwork.identification.identify import moved_to
+from mrwork.identification.interval import Interval, Verdict, end_in_words
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.problem import Problem
 from mrwork.identification.verdicts import Scale, judge_interval, scales_of
@@ -38,20 +39,11 @@ from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.identifiability.walks import (
     DIRECTIONS,
     Course,
-    End,
     Point,
     Side,
     Sides,
     signed_root,
 )
-
-_MISFIT = "least misfit with the parameter held"
-_RATIO = "likelihood ratio"
-
-
-def _end_in_words(end: float | None) -> str:
-    return "open" if end is None else significant(end, 5)
-
 
 _BETTER_FIT = RemarkKind(
     "better_fit_found",
@@ -61,10 +53,7 @@ _BETTER_FIT = RemarkKind(
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profile(Plotted, WithAxes, Summarised):
-    """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`.
-
-    An end that is not "closed" is `None`: at "bound" the admissible range ended, beyond "not simulated" no run did.
-    """
+    """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`."""
 
     name: str
     unit: str
@@ -73,12 +62,8 @@ class Profile(Plotted, WithAxes, Summarised):
     values: tuple[float, ...]
     misfit: tuple[float, ...]
     ratio: tuple[float, ...]
-    lower: float | None
-    upper: float | None
-    lower_end: End
-    upper_end: End
+    interval: Interval
     verdict: Verdict
-    reason: str
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -86,28 +71,29 @@ class Profile(Plotted, WithAxes, Summarised):
             rows=("point",),
             labels={"point": NamedArray.of(range(len(self.values)))},
             arrays={
-                "value": NamedArray.of(self.values, "point", unit=self.unit, long_name=self.name),
-                "misfit": NamedArray.of(self.misfit, "point", unit="1", long_name=_MISFIT),
-                "ratio": NamedArray.of(self.ratio, "point", unit="1", long_name=_RATIO),
+                column.key: NamedArray.of(
+                    column.value(self), "point", unit=column.unit or self.unit, long_name=column.words
+                )
+                for column in _POINTS
             },
         )
 
     def _summary(self) -> Summary:
-        limits = ((self.lower, self.lower_end), (self.upper, self.upper_end))
+        interval = self.interval
+        limits = ((interval.lower, interval.lower_end), (interval.upper, interval.upper_end))
         ends = [of_unit(value, self.unit) if value is not None else f"open ({end})" for value, end in limits]
         return Summary(
-            title=f"Profile of {self.name}: {self.verdict}",
+            title=f"Profile of {self.name}: {self.verdict.word}",
             facts=(
                 ("estimate", of_unit(self.estimate, self.unit, 5)),
                 ("lower end", ends[0]),
                 ("upper end", ends[1]),
                 ("points", str(len(self.values))),
             ),
-            notes=(self.reason,),
+            notes=(self.verdict.reason,),
         )
 
 
-# Unit and words of what profiles have for each parameter.
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profiles(Plotted, WithAxes, Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
@@ -133,23 +119,17 @@ class Profiles(Plotted, WithAxes, Summarised):
 
     def document(self) -> dict[str, Any]:
         """The fields, without the fit: it has a file of its own."""
-        return {name: value for name, value in asdict(replace(self, better=None)).items() if name != "better"}
-
-    @property
-    def intervals(self) -> Intervals:
-        """The intervals of the profiled parameters with their verdicts, as `Fit.with_intervals` takes them."""
-        names = ("name", "lower", "upper", "verdict", "reason")
-        intervals = (
-            Interval(**{name: getattr(profiled, name) for name in names}) for profiled in self.profiles
-        )
-        return Intervals(kind="profile", level=self.level, intervals=tuple(intervals))
+        fields = asdict(replace(self, better=None)) | {
+            "profiles": [as_json(_COLUMNS, profiled) for profiled in self.profiles]
+        }
+        return {name: value for name, value in fields.items() if name != "better"}
 
     def _named_arrays(self) -> NamedArrays:
         n_points = max((len(profiled.values) for profiled in self.profiles), default=0)
 
-        def pad_rows(of: Callable[[Profile], Sequence[float]]) -> Floats:
-            rows = [[*of(profiled), *[nan] * (n_points - len(profiled.values))] for profiled in self.profiles]
-            return np.array(rows, dtype=np.float64).reshape(len(self.profiles), n_points)
+        def padded(column: Column) -> Floats:
+            rows = [column.value(profiled) for profiled in self.profiles]
+            return np.array([[*row, *[nan] * (n_points - len(row))] for row in rows]).reshape(-1, n_points)
 
         return NamedArrays(
             title=f"Profiles of {self.model}",
@@ -160,12 +140,10 @@ class Profiles(Plotted, WithAxes, Summarised):
             },
             along=columns_of(self.profiles, "parameter", _COLUMNS),
             arrays={
-                name: NamedArray.of(pad_rows(of), "parameter", "point", unit=unit, long_name=words)
-                for name, of, unit, words in (
-                    ("value", attrgetter("values"), "", "value that is held"),
-                    ("misfit", attrgetter("misfit"), "1", _MISFIT),
-                    ("ratio", attrgetter("ratio"), "1", _RATIO),
+                column.key: NamedArray.of(
+                    padded(column), "parameter", "point", unit=column.unit, long_name=column.words
                 )
+                for column in _POINTS
             },
         )
 
@@ -181,15 +159,26 @@ class Profiles(Plotted, WithAxes, Summarised):
         )
 
 
-# What the profiles have in their table and in arrays.
+# What the points of a profile have in arrays, and the profiles in their table, in arrays and in JSON.
+_POINTS = (
+    Column("value", words="value that is held", of=attrgetter("values")),
+    Column("misfit", unit="1", words="least misfit with the parameter held"),
+    Column("ratio", unit="1", words="likelihood ratio"),
+)
 _COLUMNS = (
     Column("name", "parameter"),
     Column("estimate", "estimate", words="value of the fit", shown=5),
-    Column("lower", "lower", words="lower end of the interval", shown=_end_in_words),
-    Column("upper", "upper", words="upper end of the interval", shown=_end_in_words),
+    *(
+        Column(
+            end, end, words=f"{end} end of the interval", shown=end_in_words, of=attrgetter(f"interval.{end}")
+        )
+        for end in ("lower", "upper")
+    ),
     Column("unit", "unit", words="unit of the parameter"),
-    Column("verdict", "verdict", words="identifiability"),
-    Column("reason", "reason"),
+    Column("verdict", "verdict", words="identifiability", of=attrgetter("verdict.word")),
+    Column("reason", "reason", of=attrgetter("verdict.reason")),
+    *(Column(end, of=attrgetter(f"interval.{end}")) for end in ("lower_end", "upper_end")),
+    *map(Column, ("log", "values", "misfit", "ratio")),
 )
 
 
@@ -206,6 +195,7 @@ def _profile_of(
     below: Side,
     above: Side,
     least: float,
+    level: float,
 ) -> Profile:
     """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict."""
     box, origin = course.box, len(below.points) - 1
@@ -226,12 +216,13 @@ def _profile_of(
         for side, end in ((slice(origin, None, -1), below.end), (slice(origin, None), above.end))
     )
     values = values_at(column)
-    verdict, reason = judge_interval(
-        (lower, upper),
-        course.limit,
-        scale,
-        sensitivity,
-        opened=_name_open_ends(lower, upper, below.end, above.end),
+    interval = Interval(
+        kind="profile",
+        level=level,
+        lower=lower,
+        upper=upper,
+        lower_end=below.end,
+        upper_end=above.end,
     )
     return Profile(
         name=scale.name,
@@ -241,35 +232,14 @@ def _profile_of(
         values=tuple(values),
         misfit=tuple(float(np.sqrt(point.squared)) for point in line),
         ratio=tuple(map(float, roots**2)),
-        lower=lower,
-        upper=upper,
-        lower_end=below.end,
-        upper_end=above.end,
-        verdict=verdict,
-        reason=reason,
+        interval=interval,
+        verdict=judge_interval(interval, scale, sensitivity),
     )
 
 
 def _crossing(column: Floats, roots: Floats, limit: float) -> Floats:
     """First crossing of the limit outwards, shape (1,), by linear interpolation of the largest root so far."""
     return np.atleast_1d(np.interp(limit, np.maximum.accumulate(roots), column))
-
-
-def _name_open_ends(lower: float | None, upper: float | None, below: End, above: End) -> str:
-    """Which ends of an interval are open, and how the walks there ended."""
-    if lower is None and upper is None and below == above:
-        return f"open on both sides: {_IN_WORDS[below]}"
-    ends = (("below", below, lower), ("above", above, upper))
-    return f"open {'; '.join(f'{side}: {_IN_WORDS[end]}' for side, end, value in ends if value is None)}"
-
-
-_IN_WORDS: dict[End, str] = {
-    "closed": "the fit was not at the least misfit",
-    "bound": "values up to the bound of its range fit as well",
-    "not simulated": "no simulation finished beyond",
-    "too many points": "the largest number of points was reached",
-    "interrupted": "interrupted",
-}
 
 
 # Longest first step of insensitive parameters, in the logarithm or as a share of the size.
@@ -354,6 +324,7 @@ def profile(
                 sides[index, -1],
                 sides[index, 1],
                 least,
+                level,
             )
             for index in profiled
         )

@@ -15,6 +15,7 @@ import numpy as np
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
+from mrwork.identification.interval import End
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.objective import Objective
 
@@ -26,8 +27,6 @@ class Point:
     position: Floats
     squared: float
 
-
-End = Literal["closed", "bound", "not simulated", "too many points", "interrupted"]
 
 # Step in the root of the likelihood ratio, which is linear in the parameter where the misfit is quadratic.
 _RISE = 0.6

@@ -5,24 +5,27 @@ The file is netCDF for ArviZ, with checksums of its numbers; it is read back by 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
+from functools import partial
 from importlib import import_module
 from math import ceil
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from mrwork.base.arguments import Shape, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
-from mrwork.base.numbers import format_rounded, with_decimals
+from mrwork.base.numbers import with_decimals
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table, as_json
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, Verdict
-from mrwork.identification.verdicts import DEVIATIONS, Scale, judge_interval
-from mrwork.store.codec import built
+from mrwork.identification.fit import Fit, Provenance
+from mrwork.identification.interval import NOT_JUDGED, Interval, Verdict, end_in_words
+from mrwork.store.codec import built, json_document
 from mrwork.store.members import Member, members_of
 from mrwork.store.run_folder import DRAWS, RunFolder
 from mrwork.uncertainty.noise import noise_model
@@ -143,19 +146,16 @@ def next_check(n_steps: int) -> int:
 
 
 DrawsStatus = Literal["converged", "not_converged", "interrupted"]
-DrawState = Literal[
-    "", "fixed", "piles up at its lower bound", "piles up at its upper bound", "piles up at both bounds"
-]
-
 # Probability of the intervals.
 LEVEL = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawSummary:
-    """Summary of the draws of one parameter or noise parameter, in `unit`, with the ends of the 95 % interval.
+    """Summary of the draws of one parameter or noise parameter, in `unit`; `tau` is in steps.
 
-    `verdict` is `None` for noise and fixed parameters, whose diagnostics are NaN. `tau` is in steps.
+    The `interval` is open at an end where the draws pile up. A parameter that was held fixed has none, and its
+    diagnostics are NaN. Noise and fixed parameters have no verdict.
     """
 
     name: str
@@ -170,41 +170,43 @@ class DrawSummary:
     ess_tail: float
     rhat: float
     tau: float
-    lower: float
-    upper: float
-    state: DrawState = ""
-    verdict: Verdict | None = None
-    reason: str = ""
+    interval: Interval | None
+    verdict: Verdict = NOT_JUDGED
 
     @property
     def fixed(self) -> bool:
         """Whether the parameter was held fixed."""
-        return self.state == "fixed"
+        return self.interval is None
 
     @property
-    def at_bound(self) -> bool:
-        """Whether the draws pile up at a bound."""
-        return self.state not in ("", "fixed")
+    def state(self) -> str:
+        """Whether the parameter was held fixed, and at which bounds its draws pile up; empty for neither."""
+        if self.interval is None:
+            return "fixed"
+        open_ends = [end for end in ("lower", "upper") if getattr(self.interval, end) is None]
+        if len(open_ends) > 1:
+            return "piles up at both bounds"
+        return f"piles up at its {open_ends[0]} bound" if open_ends else ""
 
-    @property
-    def interval(self) -> Interval:
-        """The interval; an end at which the draws pile up is open."""
-        at_both = self.state == "piles up at both bounds"
-        return Interval(
-            name=self.name,
-            lower=None if at_both or self.state == "piles up at its lower bound" else self.lower,
-            upper=None if at_both or self.state == "piles up at its upper bound" else self.upper,
-            verdict=self.verdict or "",
-            reason=self.reason,
-        )
 
-    def judge(self, scale: Scale, sensitivity: float) -> DrawSummary:
-        """The summary with a verdict by the rule of profiles; an end at which the draws pile up counts as open."""
-        if self.fixed:
-            return self
-        ends = self.interval.lower, self.interval.upper
-        verdict, reason = judge_interval(ends, DEVIATIONS, scale, sensitivity, opened=f"it {self.state}")
-        return replace(self, verdict=verdict, reason=reason)
+def _end_of(summary: DrawSummary, *, end: str) -> float | None:
+    return summary.median if summary.interval is None else getattr(summary.interval, end)
+
+
+# What the parameters have in the table of the draws, in JSON and in the attributes of the file.
+_COLUMNS = (
+    Column("name", "parameter"),
+    *map(Column, ("mean", "deviation", "lower_5", "upper_95", "mcse", "ess_tail", "tau", "state")),
+    Column("median", "median", shown=5),
+    Column("lower", "2.5 %", shown=end_in_words, of=partial(_end_of, end="lower")),
+    Column("upper", "97.5 %", shown=end_in_words, of=partial(_end_of, end="upper")),
+    Column("unit", "unit"),
+    Column("rhat", "R-hat", shown=lambda rhat: with_decimals(rhat, 3)),
+    Column("ess_bulk", "ESS", shown=lambda ess: with_decimals(ess, 0)),
+    Column("verdict", of=attrgetter("verdict.word")),
+    Column("", "verdict", of=lambda summary: summary.verdict.word or summary.state),
+    Column("reason", "reason", of=attrgetter("verdict.reason")),
+)
 
 
 @array_dataclass(repr=False)
@@ -231,7 +233,7 @@ class Draws(Plotted, WithAxes, Summarised):
     densities: Floats
     summaries: tuple[DrawSummary, ...]
     status: DrawsStatus
-    verdict: str
+    sentence: str
     temper: float
     n_steps: int
     thinning: int
@@ -266,17 +268,6 @@ class Draws(Plotted, WithAxes, Summarised):
             return self.noise_chains[..., self.noise_names.index(name)]
         return self.chains[..., self.names.index(name)]
 
-    @property
-    def intervals(self) -> Intervals:
-        """The 95 % intervals of the parameters that varied, for `Fit.with_intervals`."""
-        return Intervals(
-            kind="posterior",
-            level=LEVEL,
-            intervals=tuple(
-                summary.interval for summary in self.varied if summary.name in self.names[: self.n_params]
-            ),
-        )
-
     def as_datatree(self) -> DataTree:
         """Draws for ArviZ: groups `posterior`, `sample_stats` and `observed_data`, with units and provenance."""
         from arviz_base import from_dict
@@ -293,7 +284,7 @@ class Draws(Plotted, WithAxes, Summarised):
                     "model": self.model,
                     "noise": self.noise_model,
                     "status": self.status,
-                    "verdict": self.verdict,
+                    "sentence": self.sentence,
                     "temper": self.temper,
                     "steps": self.n_steps,
                     "thinning": self.thinning,
@@ -307,8 +298,11 @@ class Draws(Plotted, WithAxes, Summarised):
             tree["observed_data"][name].attrs["units"] = "N"
         for summary in self.summaries:
             # The draws kept are thinned, so what follows from them differs a little.
-            facts = {name: value for name, value in asdict(summary).items() if value not in (None, "")}
-            tree["posterior"][summary.name].attrs |= {"units": summary.unit} | facts
+            facts = {
+                name: value for name, value in as_json(_COLUMNS, summary).items() if value not in (None, "")
+            }
+            whole = {"units": summary.unit, "summary": json_document(summary)}
+            tree["posterior"][summary.name].attrs |= facts | whole
         return tree
 
     def _named_arrays(self) -> NamedArrays:
@@ -336,8 +330,8 @@ class Draws(Plotted, WithAxes, Summarised):
         return {
             "model": self.model,
             "noise": self.noise_model,
-            **named(self, "status", "verdict", "temper"),
-            "parameters": {summary.name: asdict(summary) for summary in self.summaries},
+            **named(self, "status", "sentence", "temper"),
+            "parameters": {summary.name: as_json(_COLUMNS, summary) for summary in self.summaries},
             "n_draws": len(self.theta),
             "steps": self.n_steps,
             "seconds": self.seconds,
@@ -346,24 +340,11 @@ class Draws(Plotted, WithAxes, Summarised):
 
     def _summary(self) -> Summary:
         made = "{} walkers x {} draws".format(*self.chains.shape)
-        rows = [
-            (
-                summary.name,
-                *(format_rounded(value, 5) for value in (summary.median, summary.lower, summary.upper)),
-                summary.unit,
-                with_decimals(summary.rhat, 3),
-                with_decimals(summary.ess_bulk, 0),
-                summary.verdict or summary.state,
-                summary.reason,
-            )
-            for summary in self.summaries
-        ]
-        columns = ("parameter", "median", "2.5 %", "97.5 %", "unit", "R-hat", "ESS", "verdict", "reason")
         return Summary(
             title=f"Draws of {self.model} with {self.noise_model} noise: {self.status.replace('_', ' ')}",
             facts=(("draws", f"{made}, {self.n_steps} steps, {self.seconds:.1f} s"),),
-            notes=(self.verdict,),
-            tables=[Table(columns=columns, rows=rows)],
+            notes=(self.sentence,),
+            tables=[Table.of(_COLUMNS, self.summaries)],
         )
 
 
@@ -373,8 +354,17 @@ def summary_of(
     """Summarise the draws of one parameter, shape (n_walkers, n_kept)."""
     tail = 0.5 * (1.0 - LEVEL)
     first, lower, median, upper, last = np.quantile(chain, [tail, 0.05, 0.5, 0.95, 1.0 - tail]).tolist()
-    fixed = float(np.ptp(chain)) == 0.0
-    diagnostics = convergence(chain)
+    interval = None
+    if np.ptp(chain) > 0.0:
+        at_lower, at_upper = _pile_up(chain, bounds, upper - lower)
+        interval = Interval(
+            kind="posterior",
+            level=LEVEL,
+            lower=None if at_lower else first,
+            upper=None if at_upper else last,
+            lower_end="bound" if at_lower else "closed",
+            upper_end="bound" if at_upper else "closed",
+        )
     return DrawSummary(
         name=name,
         unit=unit,
@@ -384,23 +374,18 @@ def summary_of(
         median=median,
         upper_95=upper,
         tau=tau,
-        lower=first,
-        upper=last,
-        state="fixed" if fixed else _pile_state(chain, bounds, upper - lower),
-        **diagnostics._asdict(),
+        interval=interval,
+        **convergence(chain)._asdict(),
     )
 
 
-def _pile_state(chain: Floats, bounds: tuple[float, float], width: float) -> DrawState:
-    """State of draws that pile up at a bound: their outermost 1 % is within 2 % of their width of it.
+def _pile_up(chain: Floats, bounds: tuple[float, float], width: float) -> tuple[bool, bool]:
+    """Whether draws pile up at the lower and the upper bound: their outermost 1 % is within 2 % of their width of it.
 
     A half-normal density, truncated at its mode, comes within 0.7 %, a normal one cut at two deviations within 5 %.
     """
     first, last = np.quantile(chain, [0.01, 0.99])
-    at_upper = bounds[1] - last < 0.02 * width
-    if first - bounds[0] < 0.02 * width:
-        return "piles up at both bounds" if at_upper else "piles up at its lower bound"
-    return "piles up at its upper bound" if at_upper else ""
+    return bool(first - bounds[0] < 0.02 * width), bool(bounds[1] - last < 0.02 * width)
 
 
 _VERB = "sample"
@@ -444,10 +429,11 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
         densities=_numbers(members["sample_stats/lp"]),
         summaries=tuple(
-            built(DrawSummary, posterior[name].attributes) for name in fit.names_with_effects + noise_names
+            built(DrawSummary, json.loads(posterior[name].attributes["summary"]))
+            for name in fit.names_with_effects + noise_names
         ),
         status=facts["status"],
-        verdict=facts["verdict"],
+        sentence=facts["sentence"],
         temper=float(facts["temper"]),
         n_steps=int(facts["steps"]),
         thinning=int(facts["thinning"]),

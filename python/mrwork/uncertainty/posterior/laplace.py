@@ -47,7 +47,6 @@ def _n_samples(objective: Objective) -> Floats:
 
 
 def _noise_curvature(target: Target, position: Floats, index: int) -> float:
-    """Negative second derivative of the tempered log-likelihood with respect to a coordinate of the noise."""
     step = _NOISE_STEP * min(position[index], 1.0 - position[index])
     offsets = np.zeros((3, position.size))
     offsets[:, index] = [-step, 0.0, step]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,7 +20,7 @@ from mrwork.errors import JournalError, SettingError
 from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import provenance_with
-from mrwork.identification.verdicts import scales_of
+from mrwork.identification.verdicts import judge_interval, scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observation import Effect
@@ -126,7 +126,6 @@ class SamplingProblem:
 
     @property
     def _effects(self) -> dict[str, Effect]:
-        """The free effects by the names of their parameters."""
         return {effect.parameter: effect for effect in self.target.objective.compared[0].free}
 
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
@@ -160,7 +159,7 @@ class SamplingProblem:
             densities=np.ascontiguousarray(ensemble.densities[rows].T[:, ::thin]),
             summaries=summaries,
             status="interrupted" if interrupted else status,
-            verdict=self._verdict(ensemble.n_steps, diagnosis, summaries),
+            sentence=self._sentence(ensemble.n_steps, diagnosis, summaries),
             temper=self.target.temper,
             n_steps=ensemble.n_steps,
             thinning=thin,
@@ -198,18 +197,18 @@ class SamplingProblem:
         theta = np.asarray(self.target.form.to_model(self.target.start))[: len(self.spec.names)]
         objective = self.target.objective
         scales = scales_of(self.spec, box, objective.tests, theta)
-        sensitivity = np.linalg.norm(
+        sensitivities = np.linalg.norm(
             Slopes.at(objective, self.target.form, self.target.start).by_model(), axis=0
         ).tolist()
-        judged = [
-            summary
-            if summary.name in objective.settings.ties
-            else summary.judge(scales[index], sensitivity[index])
-            for index, summary in enumerate(summaries[: theta.size])
-        ]
-        return (*judged, *summaries[theta.size :])
+        # The sensitivities are of the effects on the recorded force, too, which have no verdict.
+        for index, (scale, sensitivity) in enumerate(zip(scales, sensitivities, strict=False)):
+            interval = summaries[index].interval
+            if interval is not None and names[index] not in objective.settings.ties:
+                verdict = judge_interval(interval, scale, sensitivity)
+                summaries[index] = replace(summaries[index], verdict=verdict)
+        return tuple(summaries)
 
-    def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
+    def _sentence(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
         if diagnosis.shortcomings:
             text = f"Not converged after {n_steps} steps: {'; '.join(diagnosis.shortcomings)}."
         else:
@@ -222,7 +221,7 @@ class SamplingProblem:
             n_time = self.target.objective.n_time
             text += f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} effective samples."
         for summary in summaries:
-            if summary.at_bound:
+            if summary.interval is not None and summary.interval.is_open:
                 text += (
                     f" {summary.name} {summary.state}: its interval is limited by the bound, not by the data."
                 )
@@ -275,7 +274,7 @@ def sample(
     walkers
         Number of walkers, even and at least twice the number of parameters of model and noise.
     most_steps
-        Largest number of steps; the verdict of a chain that reaches it says what is missing.
+        Largest number of steps; the sentence on a chain that reaches it says what is missing.
     rng
         Seed of the walkers. The same seed gives the same bits on any number of threads.
     threads
@@ -289,7 +288,7 @@ def sample(
     Returns
     -------
     Draws
-        Draws of parameters and noise, diagnostics, verdict, provenance.
+        Draws of parameters and noise, diagnostics, provenance.
 
     Raises
     ------
@@ -310,7 +309,7 @@ def sample(
     >>> test = mr.synthetic_test("spencer1997")
     >>> fit = mr.identify("normalised_bouc_wen", test)  # doctest: +SKIP
     >>> draws = mr.sample(fit, test)  # doctest: +SKIP
-    >>> print(draws.verdict)  # doctest: +SKIP
+    >>> print(draws.sentence)  # doctest: +SKIP
     """
     call = _Sampling(most_steps=most_steps, on_progress=on_progress, journal=journal)
     problem = SamplingProblem.of_fit(

@@ -349,19 +349,12 @@ class Target(Summarised):
             counts = np.array([test.measured.size for test in self.objective.compared])
             squared = self.objective.squared_nrmse(theta) @ counts
             return self.noise.log_likelihood_of_sum(squared, self.objective.n_time, noise)
-        chunks = range(0, len(theta), _ROWS)
-        return np.concatenate(
-            [
-                self._of_histories(theta[first : first + _ROWS], noise[first : first + _ROWS])
-                for first in chunks
-            ]
-        )
-
-    def _of_histories(self, theta: Floats, noise: Floats) -> Floats:
         total = np.zeros(len(theta))
-        for residual, failed in self.residuals(theta):
-            total += self.noise.log_densities(residual, noise).sum(axis=1)
-            total[failed] = -np.inf
+        for first in range(0, len(theta), _ROWS):
+            rows = slice(first, first + _ROWS)
+            for residual, failed in self.residuals(theta[rows]):
+                total[rows] += self.noise.log_densities(residual, noise[rows]).sum(axis=1)
+                total[rows][failed] = -np.inf
         return total
 
     def residuals(self, theta: Floats) -> Iterator[tuple[Floats, NDArray[np.bool_]]]:
