@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, SupportsIndex
 
@@ -76,18 +76,6 @@ class RecordLevels:
     levels: Floats
     places: NDArray[np.int64]
 
-    @staticmethod
-    def of(motions: Mapping[int, tuple[str, Intensity]]) -> RecordLevels:
-        """The records of motions by their index, each given by its record and its intensity."""
-        records = tuple(dict.fromkeys(record for record, _ in motions.values()))
-        values = [round(intensity.value, _DECIMALS) for _, intensity in motions.values()]
-        levels, columns = np.unique(values, return_inverse=True)
-        places = np.full((len(records), levels.size), -1, dtype=np.int64)
-        for (motion, (record, _)), column in zip(motions.items(), columns, strict=True):
-            places[records.index(record), column] = motion
-        measures = tuple(dict.fromkeys(intensity.name for _, intensity in motions.values()))
-        return RecordLevels(records=records, measures=measures, levels=levels, places=places)
-
     @property
     def measure(self) -> str:
         """The one measure of all intensities, refused where there are several."""
@@ -140,12 +128,16 @@ class JudgedMotions(Sequence[MotionFacts]):
     def by_record(self) -> RecordLevels:
         """The test motions, or all where there are none, by record and intensity; copies are of the first record."""
         of_test = {number: self.motions[number] for number in self._test}
-        return RecordLevels.of(
-            {
-                number: (motion.copy_of or motion.record, motion.intensity)
-                for number, motion in of_test.items()
-            }
-        )
+        records = {number: motion.copy_of or motion.record for number, motion in of_test.items()}
+        intensities = [motion.intensity for motion in of_test.values()]
+        rounded = [round(intensity.value, _DECIMALS) for intensity in intensities]
+        levels, columns = np.unique(rounded, return_inverse=True)
+        names = tuple(dict.fromkeys(records.values()))
+        places = np.full((len(names), levels.size), -1, dtype=np.int64)
+        for (number, record), column in zip(records.items(), columns, strict=True):
+            places[names.index(record), column] = number
+        measures = tuple(dict.fromkeys(intensity.name for intensity in intensities))
+        return RecordLevels(records=names, measures=measures, levels=levels, places=places)
 
     @property
     def groups(self) -> dict[str, list[int]]:
