@@ -292,7 +292,7 @@ def test_a_table_has_the_panels_of_a_figure_and_names_where_an_axis_has_names() 
     # The threshold runs across the panel.
     assert table[table["x"].isna()]["y"].unique().tolist() == [profiles.threshold]
     heights = mr.plots.drawn_data(study.plot.storey_profiles(Figure().subplots()))
-    assert heights["y"].unique().tolist() == list(study.storey_names)
+    assert heights["y"].unique().tolist() == list(study.quantities.axes["storey"])
 
 
 def test_a_chain_of_floors_is_drawn_in_a_notebook() -> None:

@@ -156,7 +156,7 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     drift = read(profile)
     expected = 1e3 * results.quantities.peak_drift[3, 0, 0]
     assert [row["x"] for row in drift] == [f"{value:.6g}" for value in expected]
-    assert [row["y"] for row in drift] == list(results.storey_names)
+    assert [row["y"] for row in drift] == list(results.quantities.axes["storey"])
     assert (drift[0]["abscissa"], drift[0]["curve"]) == ("Peak drift (mm)", "Clipped-optimal")
 
     shares, axes = column_axes()

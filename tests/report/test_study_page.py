@@ -76,11 +76,11 @@ def test_the_best_law_of_each_column_is_bold_and_the_reference_never_is() -> Non
 def test_a_building_without_dampers_shows_no_force() -> None:
     results = study_samples.results()
     table = value_table(results, (0,), range(len(results.rows)))
-    assert table.rows[0][table.columns.index("Force (kN)")] == "–"
-    assert table.rows[1][table.columns.index("Force (kN)")] != "–"
-    assert table.rows[4][table.columns.index("Switchings (1/s)")] == "2.00"
+    assert table.rows[0][table.columns.index("Force")] == "–"
+    assert table.rows[1][table.columns.index("Force")] != "–"
+    assert table.rows[4][table.columns.index("Switchings")] == "2.00"
     # Isolators are no dampers with a command.
-    assert table.rows[2][table.columns.index("Force (kN)")] == "–"
+    assert table.rows[2][table.columns.index("Force")] == "–"
 
 
 @pytest.mark.contract
@@ -145,7 +145,7 @@ def many_laws(count: int) -> StudyResults:
     few = study_samples.results()
     runs = {(row, 0): study_samples.runs_by_place(few)[row, 0] for row in range(3)}
     runs |= {(row, 0): study_samples.run(0.04 - 0.02 * (row - 3) / count, 2) for row in range(3, len(rows))}
-    return study_samples.with_runs(few, runs, rows=rows, motions=few.motions[:1])
+    return study_samples.with_runs(few, runs, rows=rows, motions=[*few.motions][:1])
 
 
 def text_of_many(results: StudyResults) -> str:
@@ -180,7 +180,7 @@ def test_passive_on_stays_in_the_table_beside_an_optimal_passive_that_is_the_sam
     rows = (*study_samples.ROWS[:2], *laws, on, best)
     runs = {(row, 0): study_samples.run(0.02, 2) for row in range(len(rows))}
     runs |= {(row, 0): study_samples.run(0.05, 2 * row) for row in range(2)}
-    results = study_samples.with_runs(few, runs, rows=rows, motions=few.motions[:1])
+    results = study_samples.with_runs(few, runs, rows=rows, motions=[*few.motions][:1])
     comparison = compared(results)
     assert {1, len(rows) - 2, len(rows) - 1} <= {*shown_rows(comparison, ()).listed}
     with blank():

@@ -16,7 +16,8 @@ from mrwork.dampers.tested_range import OperatingRange
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
 from mrwork.study.histories import RunHistory
-from mrwork.study.results import BuildingFacts, DamperFacts, MotionFacts
+from mrwork.study.judged_motions import JudgedMotions, MotionFacts
+from mrwork.study.results import BuildingFacts, DamperFacts, PageContent
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, study_quantities
 from mrwork.study.study import Row
 
@@ -149,17 +150,13 @@ def results() -> StudyResults:
     return StudyResults(
         title="Three storeys & a law",
         rows=ROWS,
-        motions=MOTIONS,
+        motions=JudgedMotions(motions=MOTIONS),
         quantities=quantities,
         criteria_of_runs=criteria_of(quantities),
-        floor_names=("floor 1", "floor 2", "roof"),
-        storey_names=("storey 1", "storey 2", "storey 3"),
         building=BUILDING,
         dampers=tuple(map(damper_facts, ("damper 1", "damper 1, opposed"))),
         command_unit="A",
-        facts=(("Building", "three storeys"),),
-        detailed=1,
-        with_histories=(0, 1, 2, 3, 4),
+        page=PageContent(facts=(("Building", "three storeys"),), detailed=1, with_histories=(0, 1, 2, 3, 4)),
     )
 
 
@@ -237,16 +234,25 @@ def with_runs(
     *,
     halved: RunsByPlace | None = None,
     rows: tuple[Row, ...] | None = None,
-    motions: tuple[MotionFacts, ...] | None = None,
+    motions: Sequence[MotionFacts] | None = None,
 ) -> StudyResults:
     """A study with other runs, and with those of half the step; the last motion and every row have histories."""
     rows, motions = rows or results.rows, motions or results.motions
     quantities = runs_of(rows, motions, runs_by_place(results) if runs is None else runs, halved)
-    shown = {"detailed": len(motions) - 1, "with_histories": tuple(range(len(rows)))}
+    page = replace(results.page, detailed=len(motions) - 1, with_histories=tuple(range(len(rows))))
     criteria_of_runs = criteria_of(quantities)
     return replace(
-        results, rows=rows, motions=motions, quantities=quantities, criteria_of_runs=criteria_of_runs, **shown
+        under(results, motions),
+        rows=rows,
+        quantities=quantities,
+        criteria_of_runs=criteria_of_runs,
+        page=page,
     )
+
+
+def under(results: StudyResults, motions: Sequence[MotionFacts], **judged: Any) -> StudyResults:
+    """A study with other facts of its motions, and other names of those that laws are designed on."""
+    return replace(results, motions=replace(results.motions, motions=tuple(motions), **judged))
 
 
 def runs_by_place(results: StudyResults) -> dict[tuple[int, int], Run]:
@@ -280,7 +286,7 @@ def many_motions(count: int = 12) -> StudyResults:
         for motion in range(count)
     }
     chosen = tuple(motion.name for motion in motions if motion.use == "training")
-    return replace(with_runs(few, runs, motions=motions), chosen_on=chosen)
+    return under(with_runs(few, runs, motions=motions), motions, chosen_on=chosen)
 
 
 def incremental(n_records: int = 5, n_levels: int = 4) -> StudyResults:

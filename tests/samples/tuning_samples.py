@@ -110,7 +110,7 @@ def assert_its_score(results: TuningResults, study: mr.Study, folder: Path) -> N
     """The first law of the chosen study has the score of the tuning."""
     law = results.laws[0]
     chosen = folder / "chosen.toml"
-    chosen.write_text(chosen_study(results, study.file), encoding="utf-8")
+    chosen.write_text(chosen_study(results, study.origin.file), encoding="utf-8")
     found = mr.run_study(mr.read_study(chosen), threads=1)
     row = [each.label for each in found.rows].index(law.label)
     assert found.score(row).mean == pytest.approx(judgement(results, study).score.mean, rel=1e-12)

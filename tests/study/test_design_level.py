@@ -13,7 +13,6 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.study import Study
-from mrwork.study.comparison import chosen_in_words, judged_in_words
 
 LEVELS = ("0.1 g", "0.3 g", "0.5 g")
 
@@ -47,12 +46,12 @@ def test_laws_and_command_at_every_level_are_those_of_a_study_of_the_design_leve
     found, one = mr.run_study(whole), mr.run_study(alone)
     assert [row.label for row in found.rows] == [row.label for row in one.rows]
     assert [found.criteria(row, 1) for row in range(4)] == [one.criteria(row, 0) for row in range(4)]
-    assert ", at 0.3 g" in chosen_in_words(found)
+    assert ", at 0.3 g" in found.motions.chosen_in_words
     # Scores are of that level, so that a collapse at the highest does not hide them; the others stay with the record.
     assert found.judged_motions == (1,)
-    assert judged_in_words(found) == "1 motion at 0.3 g"
+    assert found.motions.in_words == "1 motion at 0.3 g"
     assert [found.score(row).mean for row in range(4)] == [one.score(row).mean for row in range(4)]
-    assert found.record_levels.places.tolist() == [[0, 1, 2]]
+    assert found.motions.by_record.places.tolist() == [[0, 1, 2]]
     assert {each.code for each in found.remarks} <= {"demand_beyond_rating", "motions_few"}
 
 
@@ -71,7 +70,7 @@ def test_with_training_motions_it_is_theirs_also_in_tune() -> None:
     assert tuple(trained.problem.motions) == trained.chosen_on
     tuned = mr.tune(trained, laws=["clipped_optimal"], budget=24, rng=0)
     judged = mr.tuning.judge(trained, tuned)
-    assert (len(tuned.training), judged.design_levels) == (2, ("0.5 g",))
+    assert (len(tuned.training), judged.motions.design_levels) == (2, ("0.5 g",))
     assert [judged.motions[each].level for each in judged.judged_motions] == ["0.5 g"]
 
 
@@ -116,7 +115,7 @@ def test_a_study_says_how_its_suite_lies_beside_the_target(tmp_path: Path) -> No
     assert heading == "Motions beside EN 1998-1 type 2, ground C, a_g 0.2 g"
     assert sentences == made.suite.in_words
     results = mr.run_study(made)
-    assert results.facts[-1] == (heading, " ".join(sentences))
+    assert results.page.facts[-1] == (heading, " ".join(sentences))
     factor = made.suite.factor * (1.0 + 1e-9)
     raised = to_target(scale_to="least_squares", factor=factor)
     assert raised.suite is not None

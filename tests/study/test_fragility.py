@@ -294,7 +294,9 @@ def test_arrays_by_record_and_intensity_are_those_by_motion(results: StudyResult
     np.testing.assert_allclose(drift["intensity"], G * np.array(LEVELS), rtol=1e-8)
     one = drift.sel(row="uncontrolled", record="record 3").isel(intensity=4, realisation=0)
     assert float(one) == float(plain.sel(row="uncontrolled", motion="record 3, 0.3 g").isel(realisation=0))
-    fewer = replace(results, motions=(replace(results.motions[0], record="alone"), *results.motions[1:]))
+    fewer = study_samples.under(
+        results, [replace(results.motions[0], record="alone"), *[*results.motions][1:]]
+    )
     refusal(fewer.to_xarray, by_record=True, match="same levels")
 
 
@@ -303,14 +305,14 @@ def test_what_has_no_fragility_is_refused(results: StudyResults) -> None:
     refusal(mr.fragility, results, {**limit, "peak_acceleration": 1.0}, match="one criterion")
     refusal(mr.fragility, results, {"peak_drift_ratio": "1 mm"}, match="its unit")
     bare = replace(results, building=replace(results.building, heights=()))
-    alone = replace(results, motions=tuple(replace(each, record="one") for each in results.motions))
+    alone = study_samples.under(results, [replace(each, record="one") for each in results.motions])
     spectral = Intensity(measure="sa", value=1.0, period=0.8, damping_ratio=0.05)
-    mixed = (replace(results.motions[0], intensity=spectral), *results.motions[1:])
+    mixed = [replace(results.motions[0], intensity=spectral), *[*results.motions][1:]]
     some = study_samples.with_numbers(results.quantities, 1, 3, outcome=NOT_RUN)
     for without, word in (
         (bare, "height"),
         (alone, "1 record"),
-        (replace(results, motions=mixed), "several measures"),
+        (study_samples.under(results, mixed), "several measures"),
         (replace(results, quantities=some), "--resume"),
     ):
         refusal(mr.fragility, without, limit, match=word)

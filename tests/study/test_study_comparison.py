@@ -62,11 +62,11 @@ def test_constant_commands_and_other_devices_are_ranked_apart() -> None:
     assert min(range(5), key=lambda row: comparison.results.score(row).mean) == 2
     assert comparison.leading == 4
     assert comparison.passive == 3
-    assert not comparison.lacks_best_passive
+    assert comparison.results.is_compared
 
 
 def test_a_study_without_the_best_constant_command_lacks_it() -> None:
-    assert compared(shaken()).lacks_best_passive
+    assert not shaken().is_compared
 
 
 def test_the_table_of_changes_has_the_worse_ones_alarming() -> None:

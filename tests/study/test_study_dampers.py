@@ -191,7 +191,7 @@ def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_
     # The best constant command is one share of the largest commands.
     best = results.quantities.peak_current[results.row_of("best_passive"), 0, 0]
     np.testing.assert_allclose(best / best[0], [1.0, 0.8 / 1.5])
-    assert "takes it for the force of damper in storey 2" in " ".join(text for _, text in results.facts)
+    assert "takes it for the force of damper in storey 2" in " ".join(text for _, text in results.page.facts)
 
 
 def test_groups_of_different_dampers_have_a_best_constant_command_each() -> None:

@@ -65,16 +65,16 @@ def test_within_the_tested_ranges_nothing_is_said(tmp_path: Path) -> None:
 def test_demand_is_that_on_one_damper(tmp_path: Path) -> None:
     results = studied(tmp_path, ranges())
     off, on = results.quantities.of_row(1), results.quantities.of_row(2)
-    (demand,) = (each.demand for each in results.demands(2, 0))
+    (demand,) = (each.demand for each in results.demanded.get((2, 0), ()))
     assert demand.force == pytest.approx(0.5 * on.peak_force[0, 0, 0, 0])
     assert demand.power == pytest.approx(0.5 * on.device_energy[0, 0, 0, 0] / results.motions[0].duration)
     assert (demand.stroke, demand.velocity) == (on.peak_stroke[0, 0, 0, 0], on.peak_rate[0, 0, 0, 0])
     # The largest command is that of the tests; kwok2006 itself goes to 1.88 A.
     assert demand.command == (pytest.approx(1.5), pytest.approx(1.5))
-    assert results.demands(1, 0)[0].demand.command == (0.0, 0.0)
+    assert results.demanded.get((1, 0), ())[0].demand.command == (0.0, 0.0)
     assert off.peak_current[0, 0, 0, 0] == 0.0
     # The building without dampers, and ideal actuators in their place.
-    assert results.demands(0, 0) == results.demands(3, 0) == ()
+    assert results.demanded.get((0, 0), ()) == results.demanded.get((3, 0), ()) == ()
 
 
 def test_a_sentence_for_each_quantity_names_the_worst_run(tmp_path: Path) -> None:
@@ -101,7 +101,9 @@ def test_unknown_ranges_are_said_once_and_are_no_warning(tmp_path: Path) -> None
     results = studied(tmp_path, None, text)
     assert warnings_of(results.remarks) == ()
     assert study_document(results)["results"][1]["outside_tested_range"] is None
-    assert [fact for fact in results.facts if fact[0] == "Tested ranges"] == [("Tested ranges", "not known")]
+    assert [fact for fact in results.page.facts if fact[0] == "Tested ranges"] == [
+        ("Tested ranges", "not known")
+    ]
 
 
 def test_strokes_below_the_tested_ones_are_named_for_every_run_with_dampers(tmp_path: Path) -> None:
@@ -112,7 +114,7 @@ def test_strokes_below_the_tested_ones_are_named_for_every_run_with_dampers(tmp_
     assert "in 2 of 2 runs with dampers" in found_small.message
     # The uncontrolled building and that with actuators demand nothing.
     assert np.isnan(results.quantities.least_stroke[:, 0, 0, 0]).tolist() == [True, False, False, True]
-    found = results.demands(2, 0)[0].demand.least_stroke
+    found = results.demanded.get((2, 0), ())[0].demand.least_stroke
     assert found is not None
     assert 0.0 < found < results.quantities.peak_stroke[2, 0, 0][0]
     # A damper that was tested at strokes as small is within its range.
@@ -213,7 +215,7 @@ def test_a_run_beyond_a_rating_is_told_and_stored(results: StudyResults) -> None
     assert "in 1 of 1 runs" in said.message
     row = results.row_of("passive_off")
     assert row is not None
-    (first, second) = results.demands(row, 0)
+    (first, second) = results.demanded.get((row, 0), ())
     assert first.outside.names == ("force",)
     assert first.outside.exceedances[0].rated
     assert second.outside.names == ()

@@ -19,7 +19,7 @@ from mrwork.motions.spectrum import Intensity
 from mrwork.store.run_folder import STUDY_RUN
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study import StudyResults, compared, read_results, tables
-from mrwork.study.comparison import judged_in_words, motion_groups, times_better
+from mrwork.study.comparison import times_better
 from mrwork.study.folder import study_document, study_files
 from mrwork.study.results import largest_step_changes
 from mrwork.study.runs import HALF_STEP, NOMINAL
@@ -69,7 +69,7 @@ def test_the_score_is_the_mean_over_motions() -> None:
 def test_scores_and_changes_stand_on_test_motions_only() -> None:
     results = study_samples.results()
     first, second = results.motions
-    split = replace(results, motions=(replace(first, use="training"), second))
+    split = study_samples.under(results, (replace(first, use="training"), second))
     alone = study_samples.with_runs(
         results,
         motions=(second,),
@@ -110,7 +110,7 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
     assert "El Centro" in said.message
 
 
-def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
+def test_a_change_of_the_step_is_that_of_the_criteria_and_another_end_is_said() -> None:
     results = study_samples.results()
     halved = {key: run for key, run in study_samples.runs_by_place(results).items() if key[0] == 3}
     whole = halved[3, 1]
@@ -123,10 +123,6 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
     (change,) = largest_step_changes(checked)
     assert (change.row, change.criterion, change.motion, change.unfinished) == (3, "rms_drift", 1, ())
     assert change.change == pytest.approx(0.02)
-
-
-def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
-    results = study_samples.results()
     diverged = {"outcome": Outcome.DIVERGED}
     (change,) = largest_step_changes(study_samples.with_runs(results, halved={(3, 1): diverged}))
     assert change.criterion == ""
@@ -150,25 +146,20 @@ def test_energies_that_do_not_balance_are_said_once_with_the_worst_run_and_the_r
     assert (several.code, several.words) == (found.code, found.words)
     assert "2 runs" in several.message
     assert "runs of Isolation, Clipped-optimal: " in several.message
-
-
-def test_a_balance_that_is_no_number_does_not_hold() -> None:
-    results = study_samples.results()
-    unbalanced = study_samples.changed(results, 2, 0, energy_error=math.nan)
-    found = unbalanced.remarks[0]
-    assert found.measured == Measured(math.inf, "")
-    assert found.words[0] == "Isolation"
+    # A balance that is no number does not hold.
+    unknown = study_samples.changed(results, 2, 0, energy_error=math.nan).remarks[0]
+    assert (unknown.measured, unknown.words[0]) == (Measured(math.inf, ""), "Isolation")
 
 
 def test_groups_hold_some_of_the_test_motions_and_training_motions_stand_apart() -> None:
     results = study_samples.many_motions()
-    assert motion_groups(results) == {
+    assert results.motions.groups == {
         "firm soil": [0, 2, 4, 6, 8],
         "soft soil": [1, 3, 5, 7, 9],
         "training motions": [10, 11],
     }
-    assert judged_in_words(results) == "10 test motions"
-    assert judged_in_words(study_samples.results()) == "2 motions"
+    assert results.motions.in_words == "10 test motions"
+    assert study_samples.results().motions.in_words == "2 motions"
 
 
 def test_a_law_is_better_where_drift_and_acceleration_are_both_lower() -> None:
@@ -239,7 +230,7 @@ def test_the_file_has_the_intensity_of_each_motion(tmp_path: Path) -> None:
         Intensity(measure="sa", value=2.0, period=0.8, damping_ratio=0.05),
     )
     motions = [replace(motion, intensity=each) for motion, each in zip(results.motions, known, strict=True)]
-    results = replace(results, motions=tuple(motions))
+    results = study_samples.under(results, motions)
     assert tuple(motion.intensity for motion in read_back(results, tmp_path).motions) == known
 
 
@@ -255,7 +246,7 @@ def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: 
     stored = read_back(results, tmp_path)
     assert stored.motions == results.motions
     assert [stored.score(row).mean for row in range(5)] == [results.score(row).mean for row in range(5)]
-    assert judged_in_words(stored) == "10 test motions"
+    assert stored.motions.in_words == "10 test motions"
 
 
 def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) -> None:

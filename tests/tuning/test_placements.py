@@ -90,9 +90,9 @@ def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path:
     results = tune(study, laws=["clipped_optimal"], budget=24, threads=1)
     # That of the study stands in none of the storeys, and is compared, but not chosen.
     assert [each.given for each in results.places] == [False, False, True]
-    assert study.file is not None
+    assert study.origin.file is not None
     chosen = tmp_path / "chosen.toml"
-    chosen.write_text(chosen_study(results, study.file))
+    chosen.write_text(chosen_study(results, study.origin.file))
     again = mr.read_study(chosen)
     assert again.device_names == ("damper in storey 3",)
     assert again.table.places is None

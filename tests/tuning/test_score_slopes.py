@@ -183,7 +183,7 @@ def test_scores_without_gradients_are_refused() -> None:
         (replace(learned, free={"network": (), "dead_zone": ()}), study, "dead_zone"),
         (replace(learned, constraints={"switching_rate": 1.0}), study, "switching_rate is a count"),
         (learned, replace(study, hardware=replace(study.hardware, force_resolution=10.0)), "resolution"),
-        (learned, replace(study, devices=own), "these are your own"),
+        (learned, replace(study, problem=replace(study.problem, devices=own)), "these are your own"),
     ):
         assert word in without_gradient(changed, table)
     refusal(

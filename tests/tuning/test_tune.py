@@ -136,7 +136,7 @@ def test_stated_weights_and_bounds_are_kept_where_other_weights_are_better(setti
 def test_a_label_of_the_study_is_not_given_again(tmp_path: Path, results: TuningResults) -> None:
     source = tuning_samples.study_file(tmp_path, building=TWO_STOREYS)
     chosen = tmp_path / "chosen.toml"
-    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
+    chosen.write_text(chosen_study(results, mr.read_study(source).origin.file), encoding="utf-8")
     refusal(tune, mr.read_study(chosen), threads=1, match="'Clipped-optimal, tuned'")
 
 
@@ -151,7 +151,7 @@ def test_the_chosen_study_finds_the_files_of_a_study_that_names_a_folder(
     source.write_text(text + '\n[[motion]]\nfile = "m.csv"\nunit = "m/s2"\n', encoding="utf-8")
     (tmp_path / "out").mkdir()
     chosen = tmp_path / "out" / "chosen.toml"
-    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
+    chosen.write_text(chosen_study(results, mr.read_study(source).origin.file), encoding="utf-8")
     assert len(mr.read_study(chosen).motions) == len(mr.read_study(source).motions)
 
 

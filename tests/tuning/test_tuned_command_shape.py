@@ -42,7 +42,7 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
     settings = {"drifts": 1.0, "control_weight": 1e-12, "largest_command": 1.5}
     shaped = {**settings, "dead_zone": 0.004, "command_slope": 25.0}
     law = replace(results.laws[0], settings=shaped)
-    text = chosen_study(replace(results, laws=(law,)), study.file)
+    text = chosen_study(replace(results, laws=(law,)), study.origin.file)
     assert "\ndead_zone = 0.004\ncommand_slope = 25.0\n" in text
     (tmp_path / "chosen.toml").write_text(text, encoding="utf-8")
     chosen = mr.read_study(tmp_path / "chosen.toml")

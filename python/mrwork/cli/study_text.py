@@ -77,20 +77,20 @@ def run_on_study(
         assert results is not None  # an interrupted study has the runs so far
         written, interrupted, folder = frame.is_to_write(status), status == 130, frame.folder
         if written:
-            assert study.file is not None  # it was read from one
+            assert study.origin.file is not None  # it was read from one
             manifest = {
                 "kind": kind.kind,
                 "title": results.title,
                 "status": results.status,
                 "command": command_line(),
                 "seed": options.seed,
-                "study": {"path": str(options.study), "content": digest_of(study.file.text)},
+                "study": {"path": str(options.study), "content": digest_of(study.origin.file.text)},
                 "versions": {"mrwork": __version__, "python": platform.python_version()},
                 "created": datetime.now(UTC).isoformat(timespec="seconds"),
                 "seconds": time.perf_counter() - began,
             }
             histories = history_names(len(results.rows), len(results.motions))
-            work.commit(verb.files(results, study.file), manifest, grown=(JOURNAL, *histories))
+            work.commit(verb.files(results, study.origin.file), manifest, grown=(JOURNAL, *histories))
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if not interrupted:
                 status = renew_page(folder, quiet=is_quiet(options))

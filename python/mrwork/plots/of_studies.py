@@ -135,7 +135,7 @@ def storey_profiles(
     base = "peak_drift" if quantity == RATIO else quantity
     (axis,) = quantity_named(base).own_axes
     if isinstance(result, StudyResults):
-        names = result.floor_names if axis == "floor" else result.storey_names
+        names = result.quantities.axes[axis]
         lines = _lines_of_study(result, base, motion, rows, behind)
     else:
         runs = _runs(result, motion, rows)
@@ -182,8 +182,7 @@ def _lines_of_study(
 ) -> list[tuple[str, Floats, Stroke]]:
     """Rows that finished under a motion, else under all judged ones: label, values (n_motions, n_heights), stroke."""
     labels = [row.label for row in results.rows]
-    names = [motion.name for motion in results.motions]
-    motions = results.judged_motions if motion is None else (chosen(motion, names, "motion"),)
+    motions = results.judged_motions if motion is None else (chosen(motion, results.motions.names, "motion"),)
     others = all_chosen(behind, labels, "row") if behind else []
     first = [row for row in all_chosen(rows, labels, "row") if rows or row not in others]
     of_row = strokes(results, first)
@@ -297,7 +296,7 @@ def _runs(
 ) -> dict[str, Mapping[str, Any]]:
     """Quantities of the runs of these rows or candidates under a motion that finished, by their labels."""
     if isinstance(result, StudyResults):
-        index = chosen(motion, [motion.name for motion in result.motions], "motion")
+        index = chosen(motion, result.motions.names, "motion")
         labels = [row.label for row in result.rows]
         numbers = {row: result.quantities.at(row, index) for row in result.finished_rows(index)}
     else:
@@ -376,7 +375,6 @@ _CURVE_POINTS = 120
 
 
 def _unit_of_limit(result: Fragilities | DamperCounts) -> DisplayUnit:
-    """The unit in which a criterion and its limit are drawn: per cent of a drift ratio."""
     if criterion(result.criterion).scale == "height":
         return DisplayUnit(symbol="%", factor=100.0)
     return shown_unit_of(result.unit, result.limit)

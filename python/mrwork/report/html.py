@@ -98,7 +98,6 @@ def page_html(lead: Lead, sections: Sequence[Section | None] = ()) -> Page:
 
 
 def _resource(name: str) -> str:
-    """A template or style sheet of the package."""
     return (files("mrwork.report") / "templates" / name).read_text(encoding="utf-8")
 
 

@@ -153,7 +153,6 @@ def _arrange_controller(
 
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
-    """The design problem of a law, with the command limited as its table says."""
     shares, available = sends_shares(problem.devices), largest_command(problem.devices)
     limit = controller.command_in(
         "largest_command", "1" if shares else problem.devices[0].spec.command_unit or "A"

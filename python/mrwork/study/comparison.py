@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,49 +23,9 @@ from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyResults
 from mrwork.study.row_kinds import LAWS, RANKS, ROW_KINDS, Rank
 from mrwork.study.storeys import limits_in_words
-from mrwork.study.study import uses_in_words
 
 BOTH = ("peak_drift", "peak_acceleration")
 """Criteria that a law must lower together to be better than a constant command."""
-
-
-def judged_in_words(results: StudyResults) -> str:
-    """The motions that scores stand on, as "16 test motions"; "16 motions" where the study has no training motions."""
-    judged = results.judged_motions
-    uses = [results.motions[motion].use for motion in judged]
-    part = len(judged) < np.count_nonzero(results.record_levels.places >= 0)
-    at = f" at {results.design_levels[0]}" if part else ""
-    has_uses = _n_training(results) or "training" in uses
-    return f"{uses_in_words(uses) if has_uses else counted(len(uses), 'motion')}{at}"
-
-
-def chosen_in_words(results: StudyResults) -> str:
-    """What the best constant command is chosen on, a sentence; empty without such a row."""
-    if results.row_of("best_passive") is None or not results.chosen_on:
-        return ""
-    number = _n_training(results)
-    on = uses_in_words(["training"] * number) if number else "the motions that it is judged on"
-    at = f", at {results.design_levels[0]}" if len(results.design_levels) == 1 else ""
-    return f"The best constant command is chosen on {on}{at}."
-
-
-def _n_training(results: StudyResults) -> int:
-    """Number of motions that the best constant command is chosen on, if these are not the judged ones."""
-    judged = {results.motions[motion].name for motion in results.judged_motions}
-    return 0 if judged.issuperset(results.chosen_on) else len(results.chosen_on)
-
-
-def motion_groups(results: StudyResults) -> dict[str, list[int]]:
-    """Groups that hold some of the judged motions, but not all; and the training motions beside test motions."""
-    judged = results.judged_motions
-    members: dict[str, list[int]] = {}
-    for motion in judged:
-        for name in dict.fromkeys(results.motions[motion].groups):
-            members.setdefault(name, []).append(motion)
-    groups = {name: motions for name, motions in members.items() if len(motions) < len(judged)}
-    every = enumerate(results.motions)
-    others = [number for number, facts in every if number not in judged and facts.use == "training"]
-    return {**groups, **({"training motions": others} if others else {})}
 
 
 def times_better(results: StudyResults, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:
@@ -139,12 +99,6 @@ class Comparison(Summarised):
         return tuple(dict.fromkeys(row for row in rows if row is not None))
 
     @property
-    def lacks_best_passive(self) -> bool:
-        """Whether control laws are compared, but not with the best constant command."""
-        kinds = {row.kind for row in self.results.rows}
-        return "controller" in kinds and "best_passive" not in kinds
-
-    @property
     def heading(self) -> str:
         """The row that leads, among how many of its rank, and over what its changes are averaged."""
         if self.leading is None:
@@ -154,7 +108,7 @@ class Comparison(Summarised):
         if len(rows) > 1 and math.isfinite(self.results.score(self.leading).mean):
             parts.append(f"lowest score of {len(rows)} {small_first(rank.title)}")
         if len(self.results.judged_motions) > 1:
-            parts.append(f"mean changes over {judged_in_words(self.results)}")
+            parts.append(f"mean changes over {self.results.motions.in_words}")
         return ", ".join(parts)
 
 
@@ -262,12 +216,11 @@ def is_tied(results: StudyResults, row: int, reference: int) -> bool:
 
 def _scores(results: StudyResults, row: int) -> list[float]:
     """Scores of a row under each record, at all its levels together, which are no evidence of their own."""
-    places, judged = results.record_levels.places, results.judged_motions
+    places, judged = results.motions.by_record.places, results.judged_motions
     return [results.score(row, tuple(motions[np.isin(motions, judged)].tolist())).mean for motions in places]
 
 
 def _ties(comparison: Comparison) -> tuple[str, ...]:
-    """The rows of laws and passive dampers that the first law is not told apart from."""
     results = comparison.results
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     if not laws or len(results.judged_motions) < 2:
@@ -275,7 +228,7 @@ def _ties(comparison: Comparison) -> tuple[str, ...]:
     rows = (*laws, *([] if comparison.passive is None else [comparison.passive]))
     scores = {results.rows[row].label: _scores(results, row) for row in rows}
     leading = results.rows[laws[0]].label
-    several = len(results.record_levels.records) < len(results.judged_motions)
+    several = len(results.motions.by_record.records) < len(results.judged_motions)
     noun = "records" if several else "motions"
     return ties_in_words(leading, scores.pop(leading), scores, noun)
 
@@ -290,20 +243,20 @@ def compared(results: StudyResults) -> Comparison:
     every = ((rank, tuple(row for row in order if results.rows[row].what.rank is rank)) for rank in RANKS)
     ranks = tuple((rank, rows) for rank, rows in every if rows)
     uncontrolled = [row.kind for row in results.rows].index("uncontrolled")
-    comparison = Comparison(
+    passive = next((row for row in order if results.rows[row].what.is_reference), None)
+    return Comparison(
         results=results,
         ranks=ranks,
         uncontrolled=uncontrolled,
-        passive=next((row for row in order if results.rows[row].what.is_reference), None),
+        passive=passive,
         leading=next((rows[0] for _, rows in ranks if rows[0] != uncontrolled), None),
-        tables={},
+        tables={
+            (row, reference): changes
+            for reference in (uncontrolled, passive)
+            if reference is not None
+            for row, changes in enumerate(_changes(results, reference))
+        },
     )
-    tables = {
-        (row, reference): changes
-        for reference in comparison.references
-        for row, changes in enumerate(_changes(results, reference))
-    }
-    return replace(comparison, tables=tables)
 
 
 def rounds_to_increase(change: float) -> bool:
@@ -318,7 +271,6 @@ def signed_percent(change: float) -> str:
 
 
 def _changes(results: StudyResults, reference: int) -> Iterator[dict[str, QuantityChange]]:
-    """Changes of the compared quantities of each row."""
     judged = list(results.judged_motions)
     changes = {name: ratio[:, judged] - 1.0 for name, ratio in results.ratios_over(reference).items()}
 
@@ -367,7 +319,7 @@ def change_table(comparison: Comparison, reference: int, shown: Collection[int])
     rows = [row for _, ranked in comparison.ranks for row in ranked if row in shown and row != reference]
     changes = [comparison.tables[row, reference] for row in rows]
     columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
-    average = f", mean over {judged_in_words(results)}" if several else ""
+    average = f", mean over {results.motions.in_words}" if several else ""
     of_laws = [
         comparison.tables[number, reference]
         for number, row in enumerate(results.rows)

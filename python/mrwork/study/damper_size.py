@@ -99,7 +99,7 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     if len(reaches) > 1:
         under = f"{counted(len(reaches), 'motion')}, most under {under}"
     by_storey = [
-        f"{round_to(1e-3 * force, 3):g} kN in {results.storey_names[storey]}"
+        f"{round_to(1e-3 * force, 3):g} kN in {results.quantities.axes['storey'][storey]}"
         for storey, force in sorted(most.forces.items())
     ]
     largest = f"; {'on the base' if 0 in most.forces else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
@@ -205,7 +205,7 @@ def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> It
             else (f"with {named}", "a smaller largest_command of the law or fewer dampers free it")
         )
         yield _LOCKED.remark(
-            results.device_names[device],
+            results.dampers[device].name,
             remedy,
             measured=Measured(float(ratios[worst]), ""),
             when=when,

@@ -116,7 +116,6 @@ def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) ->
 
 
 def _model(name: str | DamperSpec | None, key: str = "model") -> DamperSpec:
-    """The model of this name, without laws."""
     if isinstance(name, DamperSpec):
         return name.without_laws
     with keyed(key):
@@ -124,7 +123,6 @@ def _model(name: str | DamperSpec | None, key: str = "model") -> DamperSpec:
 
 
 def _preset(table: DamperTable, name: str) -> Preset:
-    """The published set of this name, of the model if the table names one."""
     models = damper_models() if table.model is None else (_model(table.model),)
     having = [spec for spec in models if name in spec.presets]
     with keyed("preset"):

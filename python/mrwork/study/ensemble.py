@@ -27,7 +27,6 @@ def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
 
 
 def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[StudyVerdict]:
-    """The first row of each rank, and whether the leading row is worse than each set's own references."""
     first = comparisons[0]
     labels = [row.label for row in first.results.rows]
     for index, (rank, rows) in enumerate(first.ranks):
@@ -74,7 +73,7 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
         (row, motion): max(demands[number].demand.velocity / span.velocity for number, span in tested.items())
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
         if tested and row < len(study.arrangements) and study.arrangements[row].law is not None
-        if (demands := results.demands(row, motion))
+        if (demands := results.demanded.get((row, motion), ()))
     }
     if not study.other_sets or not reach:
         return ""

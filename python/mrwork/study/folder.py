@@ -11,6 +11,7 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from mrwork.base import arguments
+from mrwork.base.summary import named
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.dampers.tested_range import covering, worst_of
@@ -27,7 +28,7 @@ from mrwork.store.run_folder import (
     STUDY_RUN,
     RunFolder,
 )
-from mrwork.study.comparison import Comparison, compared, judged_in_words, motion_groups, results_in_words
+from mrwork.study.comparison import Comparison, compared, results_in_words
 from mrwork.study.results import (
     DeviceDemand,
     Ensemble,
@@ -71,8 +72,8 @@ class _RunDemand:
     devices: tuple[DeviceDemand, ...]
 
 
-# Fields of results that files have in another form.
-_IN_OTHER_FORMS = ("quantities", "criteria_of_runs", "demanded", "ensemble")
+# Fields of results that files have in another form, and those whose own fields stand beside the others.
+_IN_OTHER_FORMS, _PARTS = ("quantities", "criteria_of_runs", "demanded", "ensemble"), ("motions", "page")
 # Groups of the file of the runs beside the nominal quantities.
 _CRITERIA, _HALF = "criteria", "half_step"
 
@@ -106,9 +107,9 @@ def results_of_folder(run: RunFolder) -> StudyResults:
     with run.explained(RESULTS):
         demands = built(tuple[_RunDemand, ...], document["demands"])
         stated = {
-            name: built(kind, document[name])
+            name: built(kind, document if name in _PARTS else document[name])
             for name, kind in get_type_hints(StudyResults).items()
-            if name in document
+            if name in document or name in _PARTS
         }
     with run.explained(RUNS):
         groups = read_netcdf(content, run.file(RUNS))
@@ -117,7 +118,7 @@ def results_of_folder(run: RunFolder) -> StudyResults:
         if _HALF in groups:
             quantities = quantities.beside(Runs.from_arrays(groups[_HALF], study_quantities(unit), HALF_STEP))
         criteria_of_runs = Runs.from_arrays(groups[_CRITERIA], study_criteria(unit))
-    labels, names = [row.label for row in stated["rows"]], [motion.name for motion in stated["motions"]]
+    labels, names = [row.label for row in stated["rows"]], stated["motions"].names
     return StudyResults(
         quantities=quantities,
         criteria_of_runs=criteria_of_runs,
@@ -189,8 +190,14 @@ def _summary(results: StudyResults) -> dict[str, Any]:
     """
     comparison, rows = compared(results), list(enumerate(results.rows))
     passive, labels = comparison.passive, [row.label for row in results.rows]
-    stated = {field.name: getattr(results, field.name) for field in fields(StudyResults)}
-    return {name: value for name, value in stated.items() if name not in _IN_OTHER_FORMS} | {
+    left_out = {*_IN_OTHER_FORMS, *_PARTS}
+    stated = [field.name for field in fields(StudyResults) if field.name not in left_out]
+    parts = [getattr(results, name) for name in _PARTS]
+    return {
+        **named(results, *stated),
+        **{field.name: getattr(part, field.name) for part in parts for field in fields(part)},
+        "floor_names": results.quantities.axes["floor"],
+        "storey_names": results.quantities.axes["storey"],
         "demands": [
             _RunDemand(controller=labels[row], motion=results.motions[motion].name, devices=demands)
             for (row, motion), demands in results.demanded.items()
@@ -201,14 +208,14 @@ def _summary(results: StudyResults) -> dict[str, Any]:
         "spreads": {row.label: asdict(results.score(number)) for number, row in rows},
         "remarks": results.remarks,
         "best_passive": None if passive is None else labels[passive],
-        "judged_on": judged_in_words(results),
+        "judged_on": results.motions.in_words,
         "groups": [
             {
                 "name": name,
                 "motions": [results.motions[motion].name for motion in motions],
                 "scores": {row.label: results.score(number, motions).mean for number, row in rows},
             }
-            for name, motions in motion_groups(results).items()
+            for name, motions in results.motions.groups.items()
         ],
         "changes": list(_describe_changes(comparison)),
         "realisations": results.n_realisations,
@@ -227,7 +234,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
     `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
     these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper.
     """
-    quantities, demands = results.quantities, results.demands(row, motion)
+    quantities, demands = results.quantities, results.demanded.get((row, motion), ())
     run = quantities.at(row, motion)
     is_known = not demands or any(demand.outside.known or demand.outside.exceedances for demand in demands)
     return {
@@ -277,7 +284,6 @@ def design_document(study: Study) -> dict[str, Any]:
 
 
 def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] | None:
-    """The run with half the step, and the relative change of each criterion."""
     if not results.step_checked or not results.quantities.done[row, motion, 1]:
         return None
     changes, steps = results.step_changes(row, motion), results.quantities.steps[row, motion, 1]
@@ -290,7 +296,6 @@ def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] 
 
 
 def _criteria_csv(results: StudyResults) -> str:
-    """The criteria as a table, a line for each controller and motion; the header has the units."""
     entries, quantities = criteria(), results.quantities
     units = {quantity.name: quantity.unit.replace("^", "") for quantity in results.criteria_of_runs.declared}
     heads = [f"{entry.name} [{units[entry.name]}]" for entry in entries]
@@ -311,11 +316,11 @@ def _cell(number: float, digits: int = 9) -> str:
 
 
 def _profiles_csv(results: StudyResults) -> str:
-    """Peaks and root mean squares of every floor and storey as a table, a line for each."""
-    declared, numbers = results.quantities.declared, results.quantities.numbers
-    along = {"floor": results.floor_names, "storey": results.storey_names}
+    axes, numbers = results.quantities.axes, results.quantities.numbers
     shown = [
-        quantity for quantity in declared if quantity.axis in along and not quantity.name.startswith("rms_")
+        quantity
+        for quantity in results.quantities.declared
+        if quantity.axis in ("floor", "storey") and not quantity.name.startswith("rms_")
     ]
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
     for row, motion in np.argwhere(results.quantities.finished[:, :, 0]).tolist():
@@ -328,7 +333,7 @@ def _profiles_csv(results: StudyResults) -> str:
             lines += [
                 [*labels, name.replace("_", " "), where, _cell(peak), _cell(square), unit]
                 for where, peak, square in zip(
-                    along[quantity.axis], peaks.tolist(), squares.tolist(), strict=True
+                    axes[quantity.axis], peaks.tolist(), squares.tolist(), strict=True
                 )
                 if not math.isnan(peak)
             ]

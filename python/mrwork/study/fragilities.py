@@ -26,7 +26,7 @@ from mrwork.base.numbers import counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, named
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import Scales
@@ -34,7 +34,8 @@ from mrwork.closed_loop.evaluation import criterion as criterion_named
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
-from mrwork.study.results import RecordLevels, StudyResults
+from mrwork.study.judged_motions import RecordLevels
+from mrwork.study.results import StudyResults
 from mrwork.study.row_kinds import ROW_KINDS, Kind
 from mrwork.study.storeys import COLLAPSED
 
@@ -334,20 +335,21 @@ class Fragilities(Plotted, WithAxes, Summarised):
 
     def _summary(self, against: str | None = None) -> Summary:
         first = next(iter(self.rows.values()))
-        rows = [
-            (
-                label,
-                row.median_in_words.removesuffix(" g"),
-                " to ".join(map(_in_g, row.band)),
-                significant(row.dispersion or None, 2),
-                row.reaching,
-            )
-            for label, row in self.rows.items()
-        ]
-        columns = ("", "median [g]", f"{100.0 * self.level:.0f} % band [g]", "dispersion", "reached by")
+        columns = (
+            Column("label", "arrangement"),
+            Column("median_in_words", "median", "g", shown=lambda text: text.removesuffix(" g")),
+            Column(
+                "band",
+                f"{100.0 * self.level:.0f} % band",
+                "g",
+                shown=lambda band: " to ".join(map(_in_g, band)),
+            ),
+            Column(heading="dispersion", of=lambda row: row.dispersion or None, shown=2),
+            Column("reaching", "reached by"),
+        )
         return Summary(
             title=f"{first.measure} at which {self.limit_in_words}, over {counted(len(first.crossings), 'record')}",
-            tables=[Table(columns=columns, rows=rows)],
+            tables=[Table.of(columns, self.rows.values())],
             remarks=self.remarks,
             notes=self.in_words(against),
         )
@@ -401,7 +403,7 @@ def fragility(
         )
     limits = limit if limit is not None else results.limit or COLLAPSE
     ((name, value),) = limit_of(limits, results.command_unit, results.building.scales).items()
-    at = results.record_levels
+    at = results.motions.by_record
     responses = results.criteria_of_runs.up_to_collapse(name)[:, :, 0]
     outside = np.zeros(responses.shape)
     for run, demands in results.demanded.items():

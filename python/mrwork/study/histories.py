@@ -36,7 +36,6 @@ class RunHistory(Labelled):
 
 
 def _kept_signals() -> list[Quantity]:
-    """Signals of a history that a study stores."""
     named = (signal for signal in history_signals() if signal.name not in _LEFT_OUT)
     return [signal for signal in named if signal.axis not in ("state", "element")]
 

@@ -14,7 +14,7 @@ from mrwork.base.plotted import Plotted
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.buildings.groups import commanded
 from mrwork.closed_loop.evaluation import Scales, criterion, searched
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
@@ -107,15 +107,15 @@ class DamperCounts(Plotted, Summarised):
     def _summary(self) -> Summary:
         judged = criterion(self.criterion)
         heads = self.places if self.by == "storey" and len(self.places) > 1 else ("in each place",)
-        rows = [
-            (
-                row.label,
-                *map(str, row.counts[: len(heads)]),
-                str(row.dampers) if row.keeps else "not kept",
-                self.in_words(row.value),
-            )
-            for row in self.rows
-        ]
+        columns = (
+            Column("label", "arrangement"),
+            *(
+                Column(heading=head, of=partial(lambda at, row: row.counts[at], at))
+                for at, head in enumerate(heads)
+            ),
+            Column(heading="dampers", of=lambda row: row.dampers if row.keeps else "not kept"),
+            Column("value", judged.short, shown=self.in_words),
+        )
         missed = f"Where the limit is not kept with up to {self.most} dampers in each place, the value is the lowest."
         return Summary(
             title=f"Least dampers that keep {small_first(judged.title)} within {self.in_words(self.limit)}",
@@ -124,7 +124,7 @@ class DamperCounts(Plotted, Summarised):
                 ("without dampers", self.in_words(self.bare)),
             ),
             remarks=self.remarks,
-            tables=[Table(columns=("arrangement", *heads, "dampers", judged.short), rows=rows)],
+            tables=[Table.of(columns, self.rows)],
             notes=[
                 "" if all(row.keeps for row in self.rows) else missed,
                 f"{counted(self.runs, 'run')} with {counted(len(self.tried), 'count')}, for each of which the constant "

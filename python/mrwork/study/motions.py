@@ -147,7 +147,6 @@ def _record_remarks(ground: GroundMotion, table: MotionTable) -> tuple[Remark, .
 
 
 def _grounds(table: MotionTable, folder: Path, seed: int) -> Iterator[tuple[GroundMotion, Path | None]]:
-    """The ground motions that a table names, gives or draws, with their files."""
     file, seed, step = table.file, seed + table.seed, table.dt or _SYNTHETIC_STEP
     if isinstance(file, str):
         stated = Stated(**named(table, "unit", "dt", "column", "channel"))

@@ -52,7 +52,7 @@ from mrwork.study.schema import (
     TuneTable,
     target_spectrum,
 )
-from mrwork.study.study import Arrangement, MotionOfStudy, Row, Study, StudyFile
+from mrwork.study.study import Arrangement, MotionOfStudy, Row, Study, StudyFile, StudyOrigin
 
 
 def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
@@ -139,9 +139,12 @@ def study_of_tables(
     )
     table = read_table(StudyTable, document, replace(place, on_table=inputs.look_up))
     with place.prefix_errors(SettingError):
-        made = _study_of(table, inputs)
+        origin = StudyOrigin(
+            folder=inputs.folder.resolve(), identified=inputs.identified, file=file, place=place
+        )
+        made = _study_of(table, inputs, origin)
         unusual = (*place.remarks, *_unusual_limits(table, made.limit, place))
-    return replace(made, file=file, place=place, unusual=tuple(dict.fromkeys(unusual)))
+    return replace(made, unusual=tuple(dict.fromkeys(unusual)))
 
 
 def counted_study(study: Study, counts: Sequence[int]) -> Study:
@@ -164,13 +167,13 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
 def with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
     """The study with the dampers of these tables, without a comparison of placements."""
     stated = given_in(replace(study.table, damper=tuple(dampers), places=None, folder=""))
-    place = replace(study.place, remarks=[])
+    origin, place = study.origin, replace(study.origin.place, remarks=[])
     return study_of_tables(
-        stated, place, study.folder, study.identified, study.hardware.seed, file=study.file
+        stated, place, origin.folder, origin.identified, study.hardware.seed, file=origin.file
     )
 
 
-def _study_of(table: StudyTable, inputs: _Found) -> Study:
+def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
     """The study of a table and of what it names: how that goes together, then its laws."""
     bare, hardware = inputs.bare, replace(table.hardware, seed=inputs.seed)
     assert bare is not None
@@ -242,8 +245,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
     histories = {"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}
     study = Study(
         table=table,
-        folder=inputs.folder.resolve(),
-        identified=inputs.identified,
+        origin=origin,
         building=bare,
         arrangements=compared,
         motions=motions,
@@ -251,7 +253,6 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         design_levels=levels if any(each.row.what.is_designed for each in compared) else (),
         limit=limit,
         hardware=hardware,
-        devices=devices,
         described=_facts(bare, devices, sources, hardware),
         detailed=detailed,
         histories=histories[table.report.histories],
@@ -300,7 +301,6 @@ def _design_motions(
 
 
 def _unusual_limits(table: StudyTable, limit: Mapping[str, float], place: Place) -> Iterator[Remark]:
-    """Warn of unusual limits of criteria."""
     limits: list[tuple[KeyPath, str, float | str]] = [
         (("tune", number, "constraints", name), name, value)
         for number, tune in enumerate(table.tune)

@@ -18,7 +18,7 @@ from mrwork.base.plotted import Plotted
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.device import Device
 from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, Scales, Spread, criteria, criterion, searched
@@ -26,11 +26,11 @@ from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange, Outside
 from mrwork.errors import SettingError
-from mrwork.motions.spectrum import Intensity
+from mrwork.study.judged_motions import JudgedMotions, MotionFacts
 from mrwork.study.row_kinds import Kind
 from mrwork.study.runs import NOT_RUN, Runs
 from mrwork.study.schema import Use
-from mrwork.study.study import MotionOfStudy, Row, Study
+from mrwork.study.study import Row, Study
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
@@ -62,11 +62,6 @@ _UNBALANCED: Final = RemarkKind(
     "{0} under {1}; runs of {rows}: a law chatters, or the step is too long",
     "half the step tells which (--check-step)",
 )
-_LEVELS: Final = RemarkKind(
-    "design_levels_several",
-    "laws are designed, and the best constant command is chosen, over {count} levels at once ({0} to {1})",
-    "give the study the design_level at which this is done, and all levels keep that law",
-)
 _IN_WORDS = {Outcome.UNRESOLVED: "could not be resolved", Outcome.ABANDONED: "was abandoned"}
 _UNFINISHED: Final = RemarkKind("run_unfinished", "{0} under {under} {ended}{without}", "{cure}")
 _NO_CRITERIA: Final = ", and a run that does not finish has no criteria"
@@ -75,40 +70,6 @@ _BEST_PASSIVE_MISSING: Final = RemarkKind(
     "against i = 0 alone most laws look good, and the best constant command is missing beside them",
     'leave out references = "none"',
 )
-_FEW_MOTIONS: Final = RemarkKind("motions_few", "{motions} little about the next")
-# Motions from which on nothing is said of their number.
-_ENOUGH: Final = 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionFacts:
-    """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record and intensity.
-
-    The intensity is in the measure that the motion was scaled to, else its peak. `level` is what it was scaled to in
-    words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a copy of.
-    """
-
-    name: str
-    peak: NotNegative
-    duration: NotNegative
-    source: str = ""
-    changes: tuple[str, ...] = ()
-    synthetic: bool = False
-    use: Use = "test"
-    groups: tuple[str, ...] = ()
-    record: str
-    intensity: Intensity
-    level: str = ""
-    copy_of: str = ""
-
-    @staticmethod
-    def of(motion: MotionOfStudy) -> MotionFacts:
-        """The facts of a motion of a study."""
-        return MotionFacts(
-            **named(motion.ground, "name", "peak", "duration", "source", "changes", "groups"),
-            **named(motion, "synthetic", "use", "record", "intensity", "copy_of"),
-            level=motion.level_in_words,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,45 +171,6 @@ class DeviceDemand:
     outside: Outside
 
 
-# Intensities of one level agree to so many decimals [m/s^2].
-_DECIMALS = 9
-
-
-@array_dataclass()
-class RecordLevels:
-    """Records by name with rising `levels` of intensity [m/s^2], which is in one of the `measures`, in words.
-
-    `places` are the indices of the motion of each record at each level, shape (n_records, n_levels), -1 without one.
-    """
-
-    records: tuple[str, ...]
-    measures: tuple[str, ...]
-    levels: Floats
-    places: NDArray[np.int64]
-
-    @staticmethod
-    def of(motions: Mapping[int, tuple[str, Intensity]]) -> RecordLevels:
-        """The records of motions by their index, each given by its record and its intensity."""
-        records = tuple(dict.fromkeys(record for record, _ in motions.values()))
-        values = [round(intensity.value, _DECIMALS) for _, intensity in motions.values()]
-        levels, columns = np.unique(values, return_inverse=True)
-        places = np.full((len(records), levels.size), -1, dtype=np.int64)
-        for (motion, (record, _)), column in zip(motions.items(), columns, strict=True):
-            places[records.index(record), column] = motion
-        measures = tuple(dict.fromkeys(intensity.name for _, intensity in motions.values()))
-        return RecordLevels(records=records, measures=measures, levels=levels, places=places)
-
-    @property
-    def measure(self) -> str:
-        """The one measure of all intensities, refused where there are several."""
-        if len(self.measures) > 1:
-            raise SettingError(
-                f"the motions have intensities of several measures, {list_names(self.measures)}; scale all to a pga, "
-                "or all to an sa of one sa_period and sa_damping"
-            )
-        return self.measures[0]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerdict:
     """What a study decides with each set of laws, of which the first is the chosen one.
@@ -296,44 +218,47 @@ class Ensemble(Summarised):
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageContent:
+    """What the page of a study has beside its results: lines of `facts`, histories of the motion `detailed`.
+
+    Those are of the rows `with_histories`.
+    """
+
+    facts: tuple[tuple[str, str], ...] = ()
+    detailed: Whole = 0
+    with_histories: tuple[Whole, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StudyResults(Plotted, Summarised):
     """Runs of a study, as far as they are done, of `run_study` or read back from its folder.
 
     `quantities` are given over row, motion and realisation: the nominal one and, if it is checked, half the step;
-    `criteria_of_runs` has the criteria, also of the realisations of what is uncertain. The
-    first rows are the building without dampers and i = 0. `demanded` are the demands on the dampers
-    by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
-    `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
-    its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
-    `study_remarks` come from the study, `damper_remarks` are on demand outside the tested ranges, on laws out of their
-    range on the size of dampers, and on storeys. `facts` are further lines of the page. `detailed` is the motion whose
-    histories the page shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts
-    nearly as well, `None` if run without ``--ensemble``.
+    `criteria_of_runs` has the criteria, also of the realisations of what is uncertain. The first rows are the building
+    without dampers and i = 0. `demanded` are the demands on each device by (row, motion), of runs with dampers that
+    finished. `limit` is the criterion with its limit of which the page has the fragility, `choices` are sentences on
+    constant commands that were chosen. `study_remarks` come from the study, `damper_remarks` are on demand outside the
+    tested ranges, on laws out of their range, on the size of dampers, and on storeys. `ensemble` is the study with each
+    set of laws that predicts nearly as well, `None` if run without ``--ensemble``.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
 
     title: str
     rows: tuple[Row, ...]
-    motions: tuple[MotionFacts, ...]
+    motions: JudgedMotions
     quantities: Runs
     criteria_of_runs: Runs
-    floor_names: tuple[str, ...]
-    storey_names: tuple[str, ...]
     command_unit: str
     building: BuildingFacts
     dampers: tuple[DamperFacts, ...] = ()
     demanded: Mapping[tuple[int, int], tuple[DeviceDemand, ...]] = field(default_factory=dict)
-    chosen_on: tuple[str, ...] = ()
-    design_levels: tuple[str, ...] = ()
     limit: Mapping[str, float] = field(default_factory=dict)
     choices: tuple[str, ...] = ()
     study_remarks: tuple[Remark, ...] = ()
     damper_remarks: tuple[Remark, ...] = ()
-    facts: tuple[tuple[str, str], ...] = ()
-    detailed: Whole = 0
-    with_histories: tuple[Whole, ...] = ()
+    page: PageContent
     ensemble: Ensemble | None = None
 
     @staticmethod
@@ -343,30 +268,26 @@ class StudyResults(Plotted, Summarised):
     ) -> StudyResults:
         """Results of runs of a study, without the demands on its dampers."""
         drawn, bare = study.table.report.controllers, study.building
-        shown = (number for number, row in enumerate(rows) if not drawn or row.label in drawn)
+        shown = tuple(number for number, row in enumerate(rows) if not drawn or row.label in drawn)
         return StudyResults(
-            **named(study, "title", "design_levels", "limit", "command_unit", "facts", "detailed"),
+            **named(study, "title", "limit", "command_unit"),
             rows=tuple(rows),
-            motions=tuple(map(MotionFacts.of, study.motions)),
+            motions=JudgedMotions(
+                motions=tuple(map(MotionFacts.of, study.motions)),
+                chosen_on=tuple(ground.name for ground in study.chosen_on),
+                design_levels=study.design_levels,
+            ),
             quantities=runs,
             criteria_of_runs=criteria,
-            floor_names=bare.floor_names,
-            storey_names=bare.drift_names,
             building=BuildingFacts.of(bare),
             dampers=tuple(
                 DamperFacts.of(device, bare, table.storey)
                 for device, table in zip(study.devices, study.table.damper, strict=True)
             ),
-            chosen_on=tuple(ground.name for ground in study.chosen_on),
             choices=tuple(choices),
             study_remarks=study.remarks,
-            with_histories=tuple(shown),
+            page=PageContent(**named(study, "facts", "detailed"), with_histories=shown),
         )
-
-    @property
-    def device_names(self) -> tuple[str, ...]:
-        """Names of the dampers, one for each place, as labels of the axis of devices."""
-        return tuple(damper.name for damper in self.dampers)
 
     @property
     def step_checked(self) -> bool:
@@ -392,11 +313,6 @@ class StudyResults(Plotted, Summarised):
             for name, (change, size) in changes.items()
         }
 
-    @arguments.checked
-    def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
-        """Demand of a run on each device; none for a run without dampers or that did not finish."""
-        return self.demanded.get((row, motion), ())
-
     @property
     def n_realisations(self) -> int:
         """Number of realisations of what is uncertain, beside the nominal one."""
@@ -412,17 +328,6 @@ class StudyResults(Plotted, Summarised):
         """The rows that were simulated with realisations."""
         done = self.realised.done[:, list(self.judged_motions)].all(axis=(1, 2))
         return np.flatnonzero(done).tolist() if self.n_realisations else []
-
-    @property
-    def record_levels(self) -> RecordLevels:
-        """The test motions, or all where there are none, by record and intensity; copies are of the first record."""
-        motions = {number: self.motions[number] for number in self._test_motions}
-        return RecordLevels.of(
-            {
-                number: (motion.copy_of or motion.record, motion.intensity)
-                for number, motion in motions.items()
-            }
-        )
 
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.criteria_of_runs, "quantities": self.quantities}
@@ -453,7 +358,7 @@ class StudyResults(Plotted, Summarised):
         """
         groups = {name: group.to_xarray() for name, group in self._named_groups().items()}
         if by_record:
-            at = self.record_levels
+            at = self.motions.by_record
             if len(at.measures) > 1 or at.levels.size < 2 or (at.places < 0).any():
                 raise SettingError(
                     f"not each of {counted(len(at.records), 'record')} has the same levels, several of one measure of "
@@ -497,17 +402,8 @@ class StudyResults(Plotted, Summarised):
 
     @property
     def judged_motions(self) -> tuple[int, ...]:
-        """Indices of the motions that scores and changes stand on: the test motions, or all where there are none.
-
-        Of records at several levels they are of the level for which laws are designed, where the study names it.
-        """
-        levels = {motion: (self.motions[motion].level,) for motion in self._test_motions}
-        return tuple(motion for motion in levels if levels[motion] == self.design_levels) or tuple(levels)
-
-    @property
-    def _test_motions(self) -> tuple[int, ...]:
-        numbers = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
-        return numbers or tuple(range(len(self.motions)))
+        """Indices of the motions that scores and changes stand on, as `motions.judged`."""
+        return self.motions.judged
 
     @arguments.checked
     def finished_rows(self, motion: int) -> list[int]:
@@ -541,7 +437,6 @@ class StudyResults(Plotted, Summarised):
 
     @property
     def _nominal(self) -> Runs:
-        """Criteria of the nominal runs."""
         return self.criteria_of_runs.part(realisations=slice(1))
 
     @arguments.checked
@@ -566,11 +461,17 @@ class StudyResults(Plotted, Summarised):
         """On energies, levels, what laws are compared with, the study, dampers, storeys and unfinished runs."""
         return (
             *self._unbalanced(),
-            *self._of_design(),
+            *self.motions.remarks,
+            *([] if self.is_compared else [_BEST_PASSIVE_MISSING.remark()]),
             *self.study_remarks,
             *self.damper_remarks,
             *self._unfinished(),
         )
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether control laws, if there are any, are compared with the best constant command."""
+        return self.row_of("controller") is None or self.row_of("best_passive") is not None
 
     def _unbalanced(self) -> Iterator[Remark]:
         off = ~self.quantities.balanced[:, :, 0]
@@ -586,15 +487,6 @@ class StudyResults(Plotted, Summarised):
             runs=counted(int(off.sum()), "run"),
             rows=list_names([self.rows[number].label for number in np.flatnonzero(off.any(axis=1))]),
         )
-
-    def _of_design(self) -> Iterator[Remark]:
-        kinds, count = {row.kind for row in self.rows}, len(self.judged_motions)
-        if len(levels := self.design_levels) > 1:
-            yield _LEVELS.remark(levels[0], levels[-1], count=len(levels))
-        if "controller" in kinds and "best_passive" not in kinds:
-            yield _BEST_PASSIVE_MISSING.remark()
-        if 0 < count < _ENOUGH:
-            yield _FEW_MOTIONS.remark(motions=f"{counted(count, 'motion')} {'says' if count == 1 else 'say'}")
 
     def _unfinished(self) -> Iterator[Remark]:
         outcomes = self.quantities.outcome[:, :, 0]
@@ -627,7 +519,7 @@ class StudyResults(Plotted, Summarised):
         return Summary(
             title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
             facts=(
-                ("dampers", list_names(self.device_names)),
+                ("dampers", list_names([damper.name for damper in self.dampers])),
                 *(
                     (f"{use} motions", list_names([facts.name for facts in self.motions if facts.use == use]))
                     for use in get_args(Use)

@@ -38,11 +38,6 @@ class StoreyQuantity:
     factor: float = 1.0
     scale: Scale = ""
 
-    @property
-    def heading(self) -> str:
-        """Title with unit."""
-        return f"{self.title} ({self.unit})" if self.unit else self.title
-
     def of_runs(self, results: StudyResults, row: int) -> Floats | None:
         """Under each judged motion, shape (n_motions, n_storeys); `None` unless all are known of finished runs."""
         judged = list(results.judged_motions)
@@ -75,7 +70,7 @@ STOREY_QUANTITIES = (
 
 def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
     """Peaks of each storey, mean over the judged motions, of some arrangements; `None` where none is known."""
-    if len(results.storey_names) > _MOST_STOREYS:
+    if len(results.quantities.axes["storey"]) > _MOST_STOREYS:
         return None
     of_row = {row: [quantity.of_runs(results, row) for quantity in STOREY_QUANTITIES] for row in rows}
     numbers = [
@@ -90,13 +85,14 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
     headings = {}
     for row, values in of_row.items():
         headings[len(lines)] = results.rows[row].label
-        for storey, name in enumerate(results.storey_names):
+        for storey, name in enumerate(results.quantities.axes["storey"]):
             cells = (values[number] for number in numbers)
             means = (None if cell is None else float(cell[:, storey].mean()) for cell in cells)
             lines.append((name, *(significant(mean, 3) for mean in means)))
     return Table(
         label="Storeys",
-        columns=("", *(STOREY_QUANTITIES[number].heading for number in numbers)),
+        columns=("", *(STOREY_QUANTITIES[number].title for number in numbers)),
+        units=("", *(STOREY_QUANTITIES[number].unit for number in numbers)),
         rows=tuple(lines),
         headings=headings,
         note="Means of the peaks under the judged motions. Shear: inertia of all above, which frame, dampers and "

@@ -224,6 +224,19 @@ class StudyFile:
         return self.content.decode("utf-8-sig").replace("\r\n", "\n")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyOrigin:
+    """Where a study is from: names of files in its table are relative to `folder`, and `identified` reads run folders.
+
+    `file` is the file that was read, if it was one; `place` adds its lines to what is refused later.
+    """
+
+    folder: Path
+    identified: Identified
+    file: StudyFile | None
+    place: Place
+
+
 _SAME_BUILDING: Final = RemarkKind(
     "baseline_same",
     "{0} is the building itself",
@@ -244,18 +257,15 @@ class Study(Summarised):
     The page shows time histories of the motion `detailed`, and `limit` is the criterion with its limit of which it has
     the fragility. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be tuned,
     `realisations` of what is not known exactly. `other_sets` are the dampers with other sets of laws that predict
-    nearly as well, `identified` reads run folders. `suite` has the spectra of the test motions beside the target, if
-    there is one and each record has one level. `described` are headings and sentences on building, dampers and loop,
-    `unusual` are remarks on numbers of the table. `table` is what the study was stated by; names of files in it are
-    relative to `folder`, and it `is_whole` where it has all motions and rows of the table. `file` is the file that was
-    read, if it was one, and `place` adds its lines to what is refused later.
+    nearly as well. `suite` has the spectra of the test motions beside the target, if there is one and each record has
+    one level. `described` are headings and sentences on building, dampers and loop, `unusual` are remarks on numbers of
+    the table. `table` is what the study was stated by, and it `is_whole` where it has all motions and rows of that.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
 
     table: StudyTable
-    folder: Path
-    identified: Identified = field(repr=False, compare=False)
+    origin: StudyOrigin = field(repr=False, compare=False)
     building: Building
     arrangements: tuple[Arrangement, ...]
     motions: tuple[MotionOfStudy, ...]
@@ -263,7 +273,6 @@ class Study(Summarised):
     design_levels: tuple[str, ...]
     limit: Mapping[str, float]
     hardware: Hardware
-    devices: tuple[Device, ...]
     described: tuple[tuple[str, str], ...]
     detailed: int
     histories: tuple[int, ...]
@@ -274,8 +283,6 @@ class Study(Summarised):
     suite: SuiteCheck | None = None
     unusual: tuple[Remark, ...] = ()
     is_whole: bool = True
-    file: StudyFile | None = None
-    place: Place = field(default=Place(), repr=False, compare=False)
 
     @property
     def title(self) -> str:
@@ -326,6 +333,11 @@ class Study(Summarised):
     def at_zero(self) -> Arrangement:
         """The arrangement of the dampers at i = 0, which only a study with dampers has."""
         return next(arrangement for arrangement in self.arrangements if arrangement.row.kind == "passive_off")
+
+    @property
+    def devices(self) -> tuple[Device, ...]:
+        """The dampers at one place each, those that a law commands first."""
+        return self.problem.all_devices
 
     @property
     def device_names(self) -> tuple[str, ...]:
@@ -418,7 +430,7 @@ class Study(Summarised):
             raise SettingError(
                 f"study {self.title!r} has not the motions or laws of its file; write the study that it was made from"
             )
-        write_study_file(self.table, self.folder, self.hardware.seed, Path(path), replace=replace)
+        write_study_file(self.table, self.origin.folder, self.hardware.seed, Path(path), replace=replace)
         return Path(path)
 
     @property

@@ -104,7 +104,6 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
 
 
 def _matrices(building: Building) -> dict[str, bytes]:
-    """The files of a folder of matrices, with every digit."""
     rows = {name: np.atleast_2d(getattr(building, name)).tolist() for name in _ARRAYS}
     return {
         f"{name}.csv": "".join(f"{','.join(map(repr, row))}\n" for row in array).encode()
@@ -113,7 +112,6 @@ def _matrices(building: Building) -> dict[str, bytes]:
 
 
 def _statements(building: Building) -> dict[str, Any]:
-    """What a table of a building states beside its matrices."""
     stated = {
         **named(building, "name", "source", "floor_names", "storey_names", "n_strokes", "drift_limit"),
         "heights": building.drift_heights.tolist(),

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.summary import Summary
-from mrwork.base.table import Table
+from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
@@ -23,10 +23,7 @@ from mrwork.study.comparison import (
     Comparison,
     best_cells,
     change_table,
-    chosen_in_words,
     compared,
-    judged_in_words,
-    motion_groups,
     rank_headings,
     results_in_words,
     times_better,
@@ -117,9 +114,9 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         value for value in _VALUES if not (criterion(value[0]).optional and np.isnan(numbers[value[0]]).all())
     ]
     columns = [(factor * np.median(numbers[name], axis=1)).tolist() for name, _, factor in values]
-    units = (shown or in_command_unit(criterion(name).unit, unit) for name, shown, _ in values)
-    names = (criterion(name).short for name, *_ in values)
-    heads = (f"{name} ({unit})".removesuffix(" (1)") for name, unit in zip(names, units, strict=True))
+    units = (
+        (shown or in_command_unit(criterion(name).unit, unit)).removesuffix("1") for name, shown, _ in values
+    )
     # What a damper does is no better for being less: only criteria of the building have a best cell.
     of_dampers = (quantity_named(criterion(name).quantity).axis == "device" for name, *_ in values)
     unmarked = [math.nan] * len(rows)
@@ -127,8 +124,9 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         unmarked if is_of_damper else column for is_of_damper, column in zip(of_dampers, columns, strict=True)
     ]
     return Table(
-        label=f"Criteria, median of {judged_in_words(results)}" if several else f"{under}: criteria",
-        columns=("", *heads),
+        label=f"Criteria, median of {results.motions.in_words}" if several else f"{under}: criteria",
+        columns=("", *(criterion(name).short for name, *_ in values)),
+        units=("", *units),
         rows=tuple(
             (results.rows[row].label, *(significant(column[index], 3) for column in columns))
             for index, row in enumerate(rows)
@@ -169,18 +167,17 @@ def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
 
 def step_table(results: StudyResults, rows: Collection[int]) -> Table:
     """The largest change of a criterion of each row with half the step."""
-    return Table(
-        label="Half the step: the largest change of a criterion, over its value",
-        columns=("", "Largest change", "Criterion, motion"),
-        rows=tuple(
-            (
-                results.rows[change.row].label,
-                significant(change.change if change.criterion else None, 2),
-                change.in_words(results),
-            )
-            for change in largest_step_changes(results)
-            if change.row in rows
+    columns = (
+        Column(heading="arrangement", of=lambda change: results.rows[change.row].label),
+        Column(
+            heading="largest change", of=lambda change: change.change if change.criterion else None, shown=2
         ),
+        Column(heading="criterion, motion", of=lambda change: change.in_words(results)),
+    )
+    return Table.of(
+        columns,
+        [change for change in largest_step_changes(results) if change.row in rows],
+        label="Half the step: the largest change of a criterion, over its value",
         note=f"Every run was repeated with half its integration step; changes are relative to the value. {ON_OFF}",
     )
 
@@ -198,7 +195,7 @@ def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
         return format_fixed(times_better(results, row, passive, names), 0)
 
     table = Table(
-        label=f"Score (peak and RMS drift and acceleration over i = 0), mean over {judged_in_words(results)}",
+        label=f"Score (peak and RMS drift and acceleration over i = 0), mean over {results.motions.in_words}",
         columns=("", "Score"),
         rows=tuple((results.rows[row].label, format_fixed(results.score(row).mean, 3)) for row in rows),
         headings=rank_headings(comparison, rows),
@@ -219,14 +216,19 @@ def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
             for row, cells in zip(rows, table.rows, strict=True)
         ),
         over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
-        note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
+        note=f"Of {results.motions.in_words}. Better: lower peak drift, peak acceleration, or both. "
         f"{chosen_in_words(results)}".rstrip(),
     )
 
 
+def chosen_in_words(results: StudyResults) -> str:
+    """What the best constant command is chosen on, a sentence; empty without such a row."""
+    return "" if results.row_of("best_passive") is None else results.motions.chosen_in_words
+
+
 def group_table(results: StudyResults, rows: Sequence[int]) -> Table:
     """The score of rows under each group of motions."""
-    groups = motion_groups(results)
+    groups = results.motions.groups
     return Table(
         label="Score under groups of motions",
         columns=("", *(f"{name[:1].upper()}{name[1:]}" for name in groups)),
@@ -259,7 +261,7 @@ def study_summary(results: StudyResults) -> Summary:
         title=f"{results.title}{begun}",
         tables=[replace(table, title=table.label, note="") for table in _tables(comparison)],
         notes=[
-            *filter(None, [chosen_in_words(results)]),
+            chosen_in_words(results),
             *results_in_words(results),
             *([ON_OFF] if results.step_checked else []),
         ],
@@ -283,7 +285,7 @@ def _tables(comparison: Comparison) -> Iterator[Table]:
     ranked = [row for _, ranked in comparison.ranks for row in ranked]
     if any(math.isfinite(results.score(row).mean) for row in rows):
         yield spread_table(comparison, [row for row in ranked if row in begun])
-        if motion_groups(results):
+        if results.motions.groups:
             yield group_table(results, ranked)
     if results.row_of("passive_off") in (realised := results.realised_rows):
         yield bands_of_study(results, realised)

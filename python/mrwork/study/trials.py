@@ -304,7 +304,7 @@ def designed(
         law, taken = lacking.design(arrangement.named)
         return replace(arrangement, law=law, taken=taken, named=None)
 
-    with study.place.prefix_errors(SettingError):
+    with study.origin.place.prefix_errors(SettingError):
         made = replace(study, arrangements=tuple(read_each(arranged, study.arrangements)))
         made.check_readings()
     return made

@@ -101,7 +101,6 @@ def _controller(law: TunedLaw) -> dict[str, Any]:
 
 
 def _scores_csv(results: TunedStudy) -> str:
-    """Score and ratios of every law and reference under each motion, as a table."""
     names = [entry.name for entry in criteria() if entry.ratio]
     lines = [["law", "use", "motion", "score", *names]]
     for law in (*results.tuned.laws, *results.tuned.references):

@@ -98,8 +98,11 @@ class TunedLaw(Summarised):
         return LawCandidate(self.settings)
 
     @property
-    def remarks(self) -> Iterator[Remark]:
+    def remarks(self) -> tuple[Remark, ...]:
         """On limits that no candidate keeps, and on free settings at a bound of their range."""
+        return tuple(self._remarks())
+
+    def _remarks(self) -> Iterator[Remark]:
         if not math.isfinite(self.least):
             yield _NO_LAW.remark(self.label, count=counted(self.candidates, "candidate"))
         elif self.violation > 0.0:
@@ -280,14 +283,13 @@ class TuningResults(Plotted, WithAxes, Summarised):
     def _found(self) -> Summary:
         """The summary without what the judging study says, too: remarks, and what the settings are worth."""
         places = [places_table(self)] if self.places else []
-        columns = ("law", "objective", "settings")
-        rows = tuple(
-            (
-                law.label,
-                with_decimals(law.least, 4) if self.is_comparable(law) else NOTHING,
-                settings_in_words(law.settings, self.command_unit),
-            )
-            for law in (*self.laws, *self.references)
+        columns = (
+            Column("label", "law"),
+            Column(
+                heading="objective",
+                of=lambda law: with_decimals(law.least, 4) if self.is_comparable(law) else NOTHING,
+            ),
+            Column("settings", "settings", shown=lambda given: settings_in_words(given, self.command_unit)),
         )
         return Summary(
             title=f"Tuning of {self.title}: {self.status}",
@@ -296,7 +298,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
                 ("searches", self.effort_in_words),
                 *(("best placement", placement.in_words) for placement in self.places[:1]),
             ),
-            tables=(*places, Table(columns=columns, rows=rows)),
+            tables=(*places, Table.of(columns, (*self.laws, *self.references))),
             notes=[f"{law.label}: {law.certificate}" for law in self.laws if law.certificate],
         )
 

@@ -235,7 +235,7 @@ def _check_ratios(table: TuneTable, objective: TuningObjective, bench: Bench) ->
 
 def _place_of(study: Study, tables: Sequence[TuneTable]) -> Place:
     """What is refused of the tables of a study begins with their place in it."""
-    return study.place if tuple(tables) == study.tunes else Place()
+    return study.origin.place if tuple(tables) == study.tunes else Place()
 
 
 def tables_of(
@@ -265,7 +265,7 @@ def check_tables(study: Study, tables: Sequence[TuneTable]) -> None:
     """Refuse tables which the study is not fit for, and placements; nothing is simulated."""
     check_controllable(study)
     if study.table.places is not None:
-        with study.place.prefix_errors():
+        with study.origin.place.prefix_errors():
             placements_of(study)
 
     def check(number: int) -> None:

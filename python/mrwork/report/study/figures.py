@@ -21,10 +21,11 @@ from mrwork.plots.of_studies import fragility as draw_fragility
 from mrwork.plots.of_tests import Motion, commands, loops
 from mrwork.plots.samples import envelope, strong_part
 from mrwork.report.section import Group, Section, panel
-from mrwork.study.comparison import Comparison, judged_in_words, motion_groups
+from mrwork.study.comparison import Comparison
 from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.histories import RunHistory
-from mrwork.study.results import MotionFacts, StudyResults
+from mrwork.study.judged_motions import MotionFacts
+from mrwork.study.results import StudyResults
 from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
 
@@ -36,8 +37,7 @@ def profile_figure(
     figure, axes = canvas.small_axes()
     storey_profiles(results, axes, quantity=quantity, rows=rows, behind=behind, legend=False)
     of_floors = quantity == "peak_acceleration"
-    names = results.floor_names if of_floors else results.storey_names
-    name_heights(axes, names, numbers=True)
+    name_heights(axes, results.quantities.axes["floor" if of_floors else "storey"], numbers=True)
     canvas.name_above(axes, "Floor" if of_floors else "Storey")
     wide = axes.get_xlim()[1] >= 1e4
     axes.xaxis.set_major_locator(MaxNLocator(nbins=2 if wide else 4, steps=[1, 2, 5, 10]))
@@ -89,7 +89,7 @@ def history_section(
     results: StudyResults, histories: ReadHistory, drawn: Sequence[int], of_row: Sequence[Stroke]
 ) -> Section | None:
     """Drift over time of the storey with the largest drift without dampers, for each row that is drawn."""
-    motion, base = results.detailed, results.row_of("uncontrolled")
+    motion, base = results.page.detailed, results.row_of("uncontrolled")
     reference = None if base is None else histories(base, motion)
     shown = [
         (row, history) for row in drawn if row != base and (history := histories(row, motion)) is not None
@@ -97,7 +97,7 @@ def history_section(
     if not shown or reference is None:
         return None
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
-    under = f"{results.storey_names[storey]} under {results.motions[motion].name}"
+    under = f"{results.quantities.axes['storey'][storey]} under {results.motions[motion].name}"
     bare = (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7)
     ground = _over_time(
         "Ground acceleration (m/s²)", (reference.time, reference.ground_acceleration, style.INK, 0.8)
@@ -123,18 +123,18 @@ def device_section(
     results: StudyResults, histories: ReadHistory, drawn: Sequence[int], of_row: Sequence[Stroke]
 ) -> Section | None:
     """Force loops, command and energies of the first damper, for each row that is drawn and has one."""
-    name = results.motions[results.detailed].name
+    name = results.motions[results.page.detailed].name
     shown = [
         (row, history)
         for row in drawn
-        if (history := histories(row, results.detailed)) is not None and history.force.shape[1] > 0
+        if (history := histories(row, results.page.detailed)) is not None and history.force.shape[1] > 0
     ]
     if not shown:
         return None
     unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)).symbol
     signals = (signal for _, history in shown for signal in (history.current, history.command))
     largest = max(float(signal[:, 0].max()) for signal in signals) or 1.0
-    device, unit_of_command = results.device_names[0], results.dampers[0].command_unit
+    device, unit_of_command = results.dampers[0].name, results.dampers[0].command_unit
     what = "current" if unit_of_command == "A" else "voltage"
     groups, balances = [], []
     for row, history in shown:
@@ -185,7 +185,7 @@ def device_section(
 
 def spread_section(comparison: Comparison, shown: ShownRows, of_row: Sequence[Stroke]) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
-    results, judged = comparison.results, judged_in_words(comparison.results)
+    results, judged = comparison.results, comparison.results.motions.in_words
     scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row).mean)]
     rows = [row for row in scored if row in shown.listed]
     drawn = [row for row in scored if row in shown.drawn]
@@ -207,7 +207,7 @@ def spread_section(comparison: Comparison, shown: ShownRows, of_row: Sequence[St
         Group(title=f"Score over {judged}", table=spread_table(comparison, rows)),
         Group(panels=(figure,)),
     ]
-    if motion_groups(results):
+    if results.motions.groups:
         groups.append(Group(title="Score under groups of motions", table=group_table(results, rows)))
     summary = ""
     if comparison.leading is not None and math.isfinite(results.score(comparison.leading).mean):
@@ -295,7 +295,7 @@ def fragility_figures(fragilities: Fragilities) -> dict[str, Figure]:
 
 def fragilities_of_page(results: StudyResults) -> Fragilities | None:
     """Fragilities at the limit of the study; `None` without several records at several levels, or a limit."""
-    at, limit = results.record_levels, results.limit or results.building.heights
+    at, limit = results.motions.by_record, results.limit or results.building.heights
     few = len(at.records) < _LEAST_RECORDS or at.levels.size < _LEAST_LEVELS or len(at.measures) > 1
     if few or not limit or not results.complete:
         return None
@@ -304,7 +304,7 @@ def fragilities_of_page(results: StudyResults) -> Fragilities | None:
 
 def fragility_section(results: StudyResults, fragilities: Fragilities) -> Section:
     """Median intensities at the limit of the study, with both figures."""
-    at, (table,) = results.record_levels, fragilities._summary().shown_tables
+    at, (table,) = results.motions.by_record, fragilities._summary().shown_tables
     figures = fragility_figures(fragilities)
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     curves = panel(

@@ -23,7 +23,6 @@ from mrwork.study.comparison import (
     Comparison,
     beaten_in_words,
     is_tied,
-    judged_in_words,
     lowers_all,
     peaks_in_words,
     signed_percent,
@@ -82,8 +81,7 @@ def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -
 
 
 def _subject(results: StudyResults) -> str:
-    """The building in a line, and the motions."""
-    uses = judged_in_words(results)
+    uses = results.motions.in_words
     motions = [results.motions[motion].name for motion in results.judged_motions]
     names = f"{uses}: {list_names(motions, _NAMED)}"
     facts = results.building
@@ -102,7 +100,6 @@ def _subject(results: StudyResults) -> str:
 
 
 def _medians(comparison: Comparison, fragilities: Fragilities) -> str:
-    """The median intensities of the leading arrangement and of what it is compared with."""
     rows = (comparison.leading, comparison.passive, comparison.uncontrolled)
     labels = dict.fromkeys(comparison.results.rows[row].label for row in rows if row is not None)
     shown = [label for label in labels if label in fragilities.rows] or [*fragilities.rows][:1]
@@ -111,16 +108,19 @@ def _medians(comparison: Comparison, fragilities: Fragilities) -> str:
 
 
 def _changes_of(comparison: Comparison, row: int, reference: int) -> dict[str, Floats]:
-    """Relative changes of both peaks under each judged motion."""
     ratios, judged = comparison.results.ratios_over(reference), [*comparison.results.judged_motions]
     return {name: ratios[name][row, judged] - 1.0 for name in BOTH}
 
 
 def _verdict(comparison: Comparison) -> str:
     """Whether a law beats the best constant command in both peaks, by how much, and under how many motions."""
-    results, passive, judged = comparison.results, comparison.passive, judged_in_words(comparison.results)
+    results, passive, judged = (
+        comparison.results,
+        comparison.passive,
+        comparison.results.motions.in_words,
+    )
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
-    if comparison.lacks_best_passive:
+    if not results.is_compared:
         return f"{counted(len(laws), 'law')} under {judged}, without the best constant command beside them."
     if not laws or passive is None:
         if comparison.leading is None:
@@ -198,7 +198,6 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
 
 
 def _line(stroke: Stroke, row: int) -> Markup:
-    """The line of a row as the figures draw it, with its marker."""
     figure = Figure(figsize=_LINE)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, 2.0), ylim=(-1.0, 1.0))
     axes.set_axis_off()
@@ -226,7 +225,7 @@ def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Pan
             f"front-{name.replace('_', '-')}",
             title,
             figure,
-            f"{title} of each storey or floor, {len(finished)} arrangements, mean over {judged_in_words(results)}",
+            f"{title} of each storey or floor, {len(finished)} arrangements, mean over {results.motions.in_words}",
             " ".join([shaded, coinciding(lines)]).strip(),
         )
         shaded = ""

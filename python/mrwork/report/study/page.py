@@ -27,7 +27,7 @@ from mrwork.report.study.figures import (
     spread_section,
 )
 from mrwork.report.study.front import drawn_rows, messages_of_page, study_lead
-from mrwork.study.comparison import Comparison, change_table, compared, judged_in_words, results_in_words
+from mrwork.study.comparison import Comparison, change_table, compared, results_in_words
 from mrwork.study.results import StudyResults, largest_step_changes
 from mrwork.study.storeys import OVERTURNING, SHEAR, limits_in_words, storey_table
 from mrwork.study.tables import ShownRows, bands_of_study, shown_rows, step_table, value_table
@@ -45,14 +45,14 @@ from mrwork.tuning.results import (
 
 def energy_section(results: StudyResults, shown: ShownRows) -> Section | None:
     """Distribution of the input energy, and the error of its balance."""
-    motion, count, total = results.motions[results.detailed], len(shown.drawn), len(results.rows)
-    if not results.finished_rows(results.detailed):
+    motion, count, total = results.motions[results.page.detailed], len(shown.drawn), len(results.rows)
+    if not results.finished_rows(results.page.detailed):
         return None
     arrangements = "every arrangement" if count == total else f"{count} of {total} arrangements"
-    rows = [row for row in results.finished_rows(results.detailed) if row in shown.drawn]
+    rows = [row for row in results.finished_rows(results.page.detailed) if row in shown.drawn]
     names = [short(results.rows[row].label, 29) for row in rows]
     bars, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + 0.30 * len(rows))
-    energies(results, axes, motion=results.detailed, rows=rows)
+    energies(results, axes, motion=results.page.detailed, rows=rows)
     axes.set_yticks(range(len(names)), names[::-1])
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     figure = panel(
@@ -149,7 +149,6 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
 
 
 def _band_section(results: StudyResults, shown: ShownRows) -> Section | None:
-    """Bands of the score and of its ratios over realisations; `None` without any."""
     count, table = results.n_realisations, bands_of_study(results, shown.listed)
     if not (count and table.rows):
         return None
@@ -171,12 +170,12 @@ def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[
                     quantity.name.replace("_", "-"),
                     f"{quantity.title} of storeys",
                     profile_figure(results, quantity.name, rows),
-                    f"{quantity.title} of each storey, {len(rows)} arrangements, mean over {judged_in_words(results)}",
+                    f"{quantity.title} of each storey, {len(rows)} arrangements, mean over {results.motions.in_words}",
                 )
             )
     return Section(
         title="Storeys",
-        summary=f"peaks of each, mean over {judged_in_words(results)}.",
+        summary=f"peaks of each, mean over {results.motions.in_words}.",
         groups=(
             Group(points=tuple(limits_in_words(results)), table=table),
             *((Group(panels=tuple(panels), layout="small"),) if panels else ()),
@@ -203,7 +202,6 @@ def tuning_sections(results: TunedStudy) -> Iterator[Section]:
 
 
 def _objective_table(results: TunedStudy) -> Table:
-    """Objective and score of each law and reference on the training and the test motions."""
 
     def cells(law: TunedLaw) -> Iterator[str]:
         for use in ("training", "test"):
@@ -282,7 +280,6 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
 
 
 def _search_section(results: TuningResults) -> Section:
-    """The least penalised objective after each generation of every search."""
     laws = [law for law in results.laws if len(law.trace) > 1]
     course, axes = column_axes(top=0.9)
     for number, law in enumerate(laws):
@@ -330,15 +327,15 @@ def study_page(
     lead = study_lead(comparison, fragilities)
     if summary:
         return page_html(lead)
-    shown = shown_rows(comparison, results.with_histories)
-    facts = [*results.facts]
+    shown = shown_rows(comparison, results.page.with_histories)
+    facts = [*results.page.facts]
     facts += [] if seconds is None else [("Runs", f"{results.done} of {results.total} in {seconds:.3g} s")]
     facts += [("Command", f"`{command}`")] if command else []
     of_row = strokes(results, drawn_rows(comparison))
     first = [row for row in (comparison.leading, comparison.passive) if row is not None]
     bare = [row for row in (comparison.uncontrolled,) if row not in first]
     several = len(results.judged_motions) > 1
-    median = f", median of {judged_in_words(results)}" if several else ""
+    median = f", median of {results.motions.in_words}" if several else ""
     sections = [
         warning_section(messages_of_page(results, fragilities)),
         _change_section(comparison, shown),
@@ -364,7 +361,6 @@ def study_page(
 
 
 def _change_section(comparison: Comparison, shown: ShownRows) -> Section | None:
-    """Changes of every quantity against the best constant command and the building without dampers."""
     if comparison.leading is None:
         return None
     results = comparison.results
