@@ -41,10 +41,7 @@ suppress_warnings = [
 
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath", "substitution"]
 myst_heading_anchors = 3
-myst_substitutions = {
-    "models": len(mr.damper_models()),
-    "laws": len(mr.control.control_laws()),
-}
+myst_substitutions = {"models": len(mr.damper_models()), "laws": len(mr.control.control_laws())}
 html_math_renderer = "mathml"
 
 nb_execution_mode = "cache"

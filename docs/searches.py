@@ -59,10 +59,7 @@ def main() -> int:
     if chromium is None:
         print("no Chromium: the search of the pages was not tried")
         return 0
-    with (
-        tempfile.TemporaryDirectory() as profile,
-        headless_browser.browser(chromium, Path(profile)) as tab,
-    ):
+    with tempfile.TemporaryDirectory() as profile, headless_browser.browser(chromium, Path(profile)) as tab:
         hits = {question: first_hit(tab, root / "search.html", question) for question in ANSWERS}
     missed = [
         f"{question!r} finds {hits[question] or 'nothing'} first; the answer is in {' or '.join(pages)}"

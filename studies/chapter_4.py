@@ -93,12 +93,7 @@ def traces(kind: str, current: float, model: str, search: str, first: int) -> li
     """Least error (NRMSE) and simulations up to each generation, of each run."""
     name, held = MODELS[model]
     misfit = mr.objective(
-        name,
-        tests[kind, current],
-        bounds=held,
-        observe="none",
-        coordinates="unit",
-        threads=script.threads,
+        name, tests[kind, current], bounds=held, observe="none", coordinates="unit", threads=script.threads
     )
     found = [
         mr.search.run_search(SEARCHES[search], misfit, rng=first + run, n_params=len(misfit.names)).trace

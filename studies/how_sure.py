@@ -225,10 +225,7 @@ MODELS = {
 # Priors of the noise per deviation of the force: smooth, so that no estimate lies where nothing is possible.
 Lognormal, Normal = mr.uncertainty.Lognormal, mr.uncertainty.Normal
 SIGMA = Lognormal(median=0.05, deviation=0.4)
-PRIORS = {
-    "iid": {"sigma": SIGMA},
-    "ar1": {"sigma": SIGMA, "phi": Normal(mean=0.6, deviation=0.1)},
-}
+PRIORS = {"iid": {"sigma": SIGMA}, "ar1": {"sigma": SIGMA, "phi": Normal(mean=0.6, deviation=0.1)}}
 # Draws that a rank is taken among, and bins of their histogram.
 RANKED, BINS = 63, 8
 

@@ -40,12 +40,7 @@ fitted, kept, held_out = (
 spec = mr.damper("normalised_bouc_wen").with_current_laws({"k_w": "quadratic", "c": "linear"}, unit="A")
 fit = mr.identify(spec, fitted, rng=script.seed, threads=script.threads)
 parameters = {
-    name: {
-        "value": row.value,
-        "standard error": row.standard_error,
-        "unit": row.unit,
-        "verdict": row.verdict.word,
-    }
+    name: {"value": row.value, "standard error": row.standard_error, "unit": row.unit, "verdict": row.verdict}
     for name, row in fit.to_pandas().iterrows()
 }
 script.table(

@@ -298,10 +298,7 @@ script.table(
 script.say("timing")
 seconds = median_seconds({"mrwork": ours, "numba_series": numba_series}, rounds, 0.0)
 instructions = mr.instruction_set()
-variants = {
-    "mrwork": f"simulate_loop, {instructions.used}",
-    "numba_series": f"blocks of {BLOCK}, fastmath",
-}
+variants = {"mrwork": f"simulate_loop, {instructions.used}", "numba_series": f"blocks of {BLOCK}, fastmath"}
 rows = {
     tool: {
         **{"tool": tool, "threads": threads, "runs": n_candidates * n_motions, "seconds": seconds[tool]},

@@ -84,11 +84,7 @@ def _page(spec: DamperSpec) -> str:
         f"Nominal values: {prose(spec.nominal_source)}",
         "## Hysteresis loop",
         directive(
-            "figure",
-            f"../figures/{spec.name}.svg",
-            prose(LOOP_CAPTION),
-            alt=loop_words(spec),
-            width="100%",
+            "figure", f"../figures/{spec.name}.svg", prose(LOOP_CAPTION), alt=loop_words(spec), width="100%"
         ),
         _published(spec),
         "## Use",

@@ -112,11 +112,7 @@ def _versions() -> str:
     versions = {canonicalize_name(name): version for name, version in pinned.items()}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    wanted = [
-        *project["dependencies"],
-        *extras["bench"],
-        *extras["peers"],
-    ]
+    wanted = [*project["dependencies"], *extras["bench"], *extras["peers"]]
     names = sorted({canonicalize_name(Requirement(text).name) for text in wanted} & versions.keys())
     return document(
         "## Versions",

@@ -42,12 +42,7 @@ def test_frequencies_are_those_reported(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "modes", "ratios"),
-    [
-        ("jansen2000", range(6), 0.005),
-        ("uts", (0, 2), 0.01),
-        ("frame", (0,), 0.01),
-        ("sac3", (0, 2), 0.02),
-    ],
+    [("jansen2000", range(6), 0.005), ("uts", (0, 2), 0.01), ("frame", (0,), 0.01), ("sac3", (0, 2), 0.02)],
 )
 def test_damping_ratios_are_those_reported(name: str, modes: range | tuple[int, ...], ratios: float) -> None:
     np.testing.assert_allclose(building(name).damping_ratios[list(modes)], ratios, rtol=1e-4)

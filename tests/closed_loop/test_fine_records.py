@@ -12,13 +12,7 @@ from scipy.linalg import expm
 
 import mrwork as mr
 from mrwork import _rust
-from mrwork.closed_loop import (
-    Hardware,
-    LoopSample,
-    Responses,
-    UserLaw,
-    simulate_loop,
-)
+from mrwork.closed_loop import Hardware, LoopSample, Responses, UserLaw, simulate_loop
 from mrwork.closed_loop.simulate import LoopVariation
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion

@@ -187,7 +187,7 @@ def studies_calls(place: Path) -> Calls:
     yield call(mr.study.designed, study=study)
     yield call(study.to_toml, path=place / "study.toml", replace=True)
     yield call(mr.study.compared, results=found)
-    yield from calls_with({"row": 3, "motion": 0}, found.criteria, found.demands, found.step_changes)
+    yield from calls_with({"row": 3, "motion": 0}, found.criteria, found.step_changes)
     table = {
         **{"laws": ["clipped_optimal"], "label": "tuned", "settings": {"control_weight": 1e-7}, "seed": 0},
         **{"free": {"drifts": (1.0, 2.0)}, "criteria": {"peak_drift": 1.0}, "relative_to": "passive_off"},

@@ -253,11 +253,7 @@ class RolloutInNumPy:
         return self.accelerations(q, v, force * self.scale, w, ground) + self.missed, rates
 
     def advance(
-        self,
-        motion: tuple[Floats, ...],
-        command: Floats,
-        h: float,
-        ground: Sequence[float],
+        self, motion: tuple[Floats, ...], command: Floats, h: float, ground: Sequence[float]
     ) -> tuple[Floats, ...]:
         """A Runge-Kutta step of all rows; loops are held to their ends."""
         q, v, current, z, w = motion

@@ -117,11 +117,7 @@ def in_numpy(law: ControlLaw, hardware: Hardware, steps: int) -> tuple[UserLaw, 
 
 
 def both(
-    law: ControlLaw,
-    loop: Sequence[Device],
-    hardware: Hardware,
-    steps: int,
-    frame: mr.Building | None = None,
+    law: ControlLaw, loop: Sequence[Device], hardware: Hardware, steps: int, frame: mr.Building | None = None
 ) -> tuple[Responses, Responses]:
     again, _ = in_numpy(law, hardware, steps)
     return tuple(

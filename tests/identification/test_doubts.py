@@ -199,14 +199,7 @@ def test_recorded_temperatures_that_differ_between_tests_are_told(
     paths = []
     for number, frequency in enumerate((1.0, 2.0)):
         test = driven_test(
-            SPEC,
-            SPEC.nominal,
-            (0.01, frequency),
-            dt=2e-3,
-            n_time=1000,
-            noise_n=5.0,
-            rng=number,
-            command=0.0,
+            SPEC, SPEC.nominal, (0.01, frequency), dt=2e-3, n_time=1000, noise_n=5.0, rng=number, command=0.0
         )
         degrees = 22.0 + warmer * number + np.linspace(0.0, 1.0, test.n_time)
         channels = np.stack([test.time, 1e3 * test.displacement, test.force, degrees], axis=1)

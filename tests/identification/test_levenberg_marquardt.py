@@ -94,12 +94,7 @@ def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> N
 
 
 @pytest.mark.parametrize(
-    "spec",
-    [
-        *map(damper, ["bouc_wen", "static_hysteretic"]),
-        own_dampers.guo,
-    ],
-    ids=lambda spec: spec.name,
+    "spec", [*map(damper, ["bouc_wen", "static_hysteretic"]), own_dampers.guo], ids=lambda spec: spec.name
 )
 def test_all_engines_end_in_one_minimum(spec: DamperSpec) -> None:
     form = identifiable_form(spec, SHARP if spec.name == "static_hysteretic" else {})

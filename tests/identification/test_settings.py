@@ -58,11 +58,7 @@ def test_each_setting_is_part_of_the_fingerprint() -> None:
 
 def test_a_fit_has_the_settings_it_was_made_with() -> None:
     settings = replace(OTHER, engine="lanes")
-    fit = mr.identify(
-        SPEC,
-        TEST,
-        **{each.name: getattr(settings, each.name) for each in fields(FitSettings)},
-    )
+    fit = mr.identify(SPEC, TEST, **{each.name: getattr(settings, each.name) for each in fields(FitSettings)})
     # What was fitted is given to fits that follow.
     (lag,) = fit.effects
     observe = (*settings.observe[:-1], f"lag={lag.value}")

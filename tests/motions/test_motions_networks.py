@@ -6,15 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion_files import (
-    csmip_lines,
-    geonet_lines,
-    pair_rows,
-    rows,
-    smc_lines,
-    volume_lines,
-    write_lines,
-)
+from motion_files import csmip_lines, geonet_lines, pair_rows, rows, smc_lines, volume_lines, write_lines
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from refusals import refusal

@@ -141,8 +141,7 @@ def test_mat_vectors_may_be_columns_integers_and_single_precision(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("force", "word"),
-    [(np.ones(7), "'force_n' has 7"), (1j * np.ones(400), "no column for the force among")],
+    ("force", "word"), [(np.ones(7), "'force_n' has 7"), (1j * np.ones(400), "no column for the force among")]
 )
 def test_mat_variables_that_are_no_columns_are_told(
     tmp_path: Path, force: NDArray[np.generic], word: str
@@ -180,8 +179,7 @@ def test_the_hash_of_arrays_depends_on_every_value() -> None:
 
 
 @pytest.mark.parametrize(
-    ("extension", "module", "remedy"),
-    [("tdms", "nptdms", "tdms"), ("xlsx", "python_calamine", "xlsx")],
+    ("extension", "module", "remedy"), [("tdms", "nptdms", "tdms"), ("xlsx", "python_calamine", "xlsx")]
 )
 def test_without_its_library_a_format_names_the_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, extension: str, module: str, remedy: str

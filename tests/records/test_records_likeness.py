@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.records import DamperTest, cut
-from mrwork.records.likeness import (
-    RecordedMotion,
-    alike_groups,
-    likeness,
-    likest,
-    motion_likeness,
-)
+from mrwork.records.likeness import RecordedMotion, alike_groups, likeness, likest, motion_likeness
 from mrwork.store.codec import built
 
 DT = 0.002

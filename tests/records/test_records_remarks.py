@@ -104,10 +104,7 @@ def honest() -> dict[str, tuple[Columns, list[str]]]:
             [],
         ),
         "a force held at rest": (after_rest(400) | {"force_n": at_rest}, ["rest_before_motion"]),
-        "a peak at one end": (
-            clean | {"force_n": force + 300.0 * (stroke > 0.97 * AMPLITUDE)},
-            [],
-        ),
+        "a peak at one end": (clean | {"force_n": force + 300.0 * (stroke > 0.97 * AMPLITUDE)}, []),
         "a start at the crest": (crest | {"t_s": TIME}, []),
         "a good channel": (
             clean | {name: clean[name] + each * rng.standard_normal(400) for name, each in noisy.items()},

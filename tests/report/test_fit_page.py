@@ -208,7 +208,7 @@ READING = ["--every", "5"]
 LEFT_OUT = ["synthetic:spencer1997_slow", "synthetic:spencer1997_fast"]
 TESTS, AMPLITUDES = "agreement-with-the-fitted-tests", "errors-by-amplitude"
 OWN_SECTIONS = [
-    *(TESTS, "parameters", AMPLITUDES, "residuals", "search", "not-in-this-report-yet", "provenance"),
+    *(TESTS, "parameters", AMPLITUDES, "residuals", "search", "not-in-this-report-yet", "provenance")
 ]
 # Text below this is hard to read on a telephone [px].
 READABLE = 8.5

@@ -20,12 +20,7 @@ from mrwork.report.study.front import study_lead
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared
 from mrwork.study.study import Row
-from mrwork.study.tables import (
-    MOST_DRAWN,
-    MOST_LISTED,
-    shown_rows,
-    value_table,
-)
+from mrwork.study.tables import MOST_DRAWN, MOST_LISTED, shown_rows, value_table
 
 
 def page_of(**changes: object) -> str:
@@ -88,10 +83,7 @@ def test_a_check_of_the_step_has_its_table_and_counts_no_switchings() -> None:
     results = study_samples.results()
     runs = study_samples.runs_by_place(results)
     assert 'id="half-the-step"' not in text_of()
-    for number, told in (
-        ("rms_current", "0.25 of its value, for Lyapunov"),
-        ("switching_rate", "0 of its"),
-    ):
+    for number, told in (("rms_current", "0.25 of its value, for Lyapunov"), ("switching_rate", "0 of its")):
         moved = {**runs[4, 1], number: 1.25 * runs[4, 1][number]}
         checked = text_of(halved={**runs, (4, 1): moved})
         assert f"no criterion by more than {told}" in checked

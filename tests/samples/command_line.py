@@ -57,14 +57,7 @@ def ran(
     """A process of its own that has ended, with what it printed."""
     words = [str(each) for each in command]
     return subprocess.run(
-        words,
-        capture_output=True,
-        text=True,
-        env=env,
-        cwd=cwd,
-        check=check,
-        input=input,
-        timeout=PATIENCE,
+        words, capture_output=True, text=True, env=env, cwd=cwd, check=check, input=input, timeout=PATIENCE
     )
 
 

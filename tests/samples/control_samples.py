@@ -14,12 +14,7 @@ def frame(name: str, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarra
     n = len(mass)
     names = tuple(str(floor + 1) for floor in range(n))
     return Building(
-        name=name,
-        mass=mass,
-        damping=damping,
-        stiffness=stiffness,
-        floor_names=names,
-        storey_names=names,
+        name=name, mass=mass, damping=damping, stiffness=stiffness, floor_names=names, storey_names=names
     )
 
 

@@ -13,7 +13,5 @@ TIMES = int(os.environ.get("MRWORK_EXAMPLES", "1"))
 def examples(count: int) -> settings:
     """Settings of a property that is tried `count` times in `make test`."""
     return settings(
-        max_examples=count * TIMES,
-        derandomize=True,
-        suppress_health_check=[HealthCheck.too_slow],
+        max_examples=count * TIMES, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
     )

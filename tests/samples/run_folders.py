@@ -10,16 +10,7 @@ import mrwork as mr
 from mrwork.identification import Fit
 from mrwork.identification.fit_file import others_content, write_run
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import (
-    CHAIN,
-    DRAWS,
-    FIT_RUN,
-    NEAR_SETS,
-    PLAN,
-    PROFILES,
-    RANKING,
-    RunFolder,
-)
+from mrwork.store.run_folder import CHAIN, DRAWS, FIT_RUN, NEAR_SETS, PLAN, PROFILES, RANKING, RunFolder
 from mrwork.store.run_writer import RunAtWork, add_to_run, addition_journal
 from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
 from mrwork.uncertainty.bands.held_out import write_held_out

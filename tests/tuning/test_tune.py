@@ -176,8 +176,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "unit", "share"),
-    [("rms_current", "A", 0.5), ("command_travel", "A/s", 0.7)],
+    ("name", "unit", "share"), [("rms_current", "A", 0.5), ("command_travel", "A/s", 0.7)]
 )
 def test_a_limit_that_holds_is_kept(
     name: str, unit: str, share: float, results: TuningResults, judged: TunedStudy

@@ -24,19 +24,9 @@ from mrwork.uncertainty import (
     predict_left_out,
     score,
 )
-from mrwork.uncertainty.bands.band import (
-    energy_errors,
-    energy_of_cycles,
-    next_test_quantile,
-    pooled_quantile,
-)
+from mrwork.uncertainty.bands.band import energy_errors, energy_of_cycles, next_test_quantile, pooled_quantile
 from mrwork.uncertainty.bands.conformal import measured_coverage
-from mrwork.uncertainty.bands.prediction import (
-    alike_tests,
-    extremes_of,
-    has_regular_cycles,
-    predict_beyond,
-)
+from mrwork.uncertainty.bands.prediction import alike_tests, extremes_of, has_regular_cycles, predict_beyond
 from mrwork.uncertainty.bands.predictions import Predictions
 
 DAMPING, STIFFNESS = 1000.0, 20000.0

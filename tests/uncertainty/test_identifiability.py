@@ -61,11 +61,7 @@ def scales(names: str) -> list[Scale]:
 
 
 def judge(
-    columns: NDArray[np.float64],
-    names: str | list[Scale],
-    *,
-    misfit: float = 1e-9,
-    n_effective: float = 60.0,
+    columns: NDArray[np.float64], names: str | list[Scale], *, misfit: float = 1e-9, n_effective: float = 60.0
 ) -> Judged:
     """From derivatives in units of the scales, (n_time, n_params), and the misfit."""
     own = scales(names) if isinstance(names, str) else names

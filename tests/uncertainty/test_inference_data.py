@@ -13,9 +13,7 @@ from refusals import refusal
 
 from mrwork import uncertainty
 
-GROUPS = {
-    *("posterior", "sample_stats", "log_likelihood", "posterior_predictive", "observed_data"),
-}
+GROUPS = {*("posterior", "sample_stats", "log_likelihood", "posterior_predictive", "observed_data")}
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 
 from mrwork.identification.fit import FittedParameter
 from mrwork.identification.interval import Interval, Verdict, Word
-from mrwork.identification.verdicts import (
-    DEVIATIONS,
-    NEGLIGIBLE,
-    Scale,
-    judge_error,
-    judge_interval,
-)
+from mrwork.identification.verdicts import DEVIATIONS, NEGLIGIBLE, Scale, judge_error, judge_interval
 from mrwork.uncertainty.identifiability.profile import Profile
 
 # A stiffness that may have either sign.

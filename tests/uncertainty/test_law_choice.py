@@ -237,9 +237,7 @@ def gapped(settings: FitSettings) -> Choice:
 
 
 @pytest.mark.long
-def test_of_two_forms_that_no_test_tells_apart_the_one_without_an_extremum_is_chosen(
-    gapped: Choice,
-) -> None:
+def test_of_two_forms_that_no_test_tells_apart_the_one_without_an_extremum_is_chosen(gapped: Choice) -> None:
     assert gapped.ranking.chosen_standing.laws["k_w"] == "quadratic"
     assert "extremum_untested" not in {each.code for each in gapped.best.remarks}
     values = dict(law_values(gapped.best.spec, np.array(gapped.best.theta), np.array([1.0])))
@@ -248,9 +246,7 @@ def test_of_two_forms_that_no_test_tells_apart_the_one_without_an_extremum_is_ch
     assert at_one == pytest.approx(1080.0, rel=0.03)
 
 
-def test_the_other_form_of_the_chosen_laws_is_a_set_that_differs_between_the_commands(
-    gapped: Choice,
-) -> None:
+def test_the_other_form_of_the_chosen_laws_is_a_set_that_differs_between_the_commands(gapped: Choice) -> None:
     fit, test = (
         gapped.best,
         sinusoidal_test(

@@ -90,12 +90,7 @@ def test_a_model_that_cannot_be_fitted_is_named_and_stops_no_other(
     assert (failed.model, failed.verdict) == ("dahl", "failed")
     assert failed.reason.startswith("none of ")
     refusal(
-        mr.choose_laws,
-        ["dahl", "viscous_dahl"],
-        tests,
-        settings=held,
-        threads=1,
-        match="no model predicts",
+        mr.choose_laws, ["dahl", "viscous_dahl"], tests, settings=held, threads=1, match="no model predicts"
     )
 
 

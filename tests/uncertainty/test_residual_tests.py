@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 from report_samples import prediction
 
 from mrwork.uncertainty import Prediction
-from mrwork.uncertainty.residual_tests import (
-    LAGS,
-    ResidualTests,
-    autocorrelation,
-    residual_tests,
-)
+from mrwork.uncertainty.residual_tests import LAGS, ResidualTests, autocorrelation, residual_tests
 
 N_TIME = 2000
 

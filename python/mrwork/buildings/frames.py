@@ -258,8 +258,7 @@ def with_modal_damping(
     building: Building,
     *,
     ratios: Annotated[
-        Sequence[Share],
-        Says("damping ratios, as [0.01]: one for all modes or one for each", usual=RATIOS),
+        Sequence[Share], Says("damping ratios, as [0.01]: one for all modes or one for each", usual=RATIOS)
     ],
 ) -> Building:
     """The building with given damping ratios of its modes.

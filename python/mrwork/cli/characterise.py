@@ -32,14 +32,7 @@ from mrwork.records.columns import COMMAND
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.observation import DETECT, WEIGH, as_words
 from mrwork.records.reading import Reading
-from mrwork.records.rig_table import (
-    TABLE_NAME,
-    UNKNOWN,
-    Use,
-    files_not_read,
-    is_test_table,
-    records_in,
-)
+from mrwork.records.rig_table import TABLE_NAME, UNKNOWN, Use, files_not_read, is_test_table, records_in
 from mrwork.store.input_file import is_folder
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, REPORT, SUMMARY, RunFolder
 from mrwork.store.run_writer import RunAtWork, adding, is_complete, nothing_to_resume

@@ -62,8 +62,7 @@ class Fault:
     start: float = key("start of the fault", unit="s", default=0.0, least=0.0)
     end: float = key("end of the fault", unit="s", default=math.inf, least=0.0)
     value: Annotated[float, May.BE_INFINITE, May.BE_NAN] | Literal["hold"] = key(
-        "value during the fault, may be nan; by default the last one before it",
-        default="hold",
+        "value during the fault, may be nan; by default the last one before it", default="hold"
     )
 
     def __post_init__(self) -> None:

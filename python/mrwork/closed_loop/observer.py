@@ -76,10 +76,7 @@ def _design_observer(plant: Plant, hardware: Hardware, floors: list[int]) -> Obs
     noise = np.full(len(floors) + len(devices) + len(hardware.measured_storeys), stretched)
     noise[: len(floors)] = accelerated
     return observer_of(
-        plant,
-        stack_outputs(chosen, deformations(plant), sensed),
-        hardware.sample_time,
-        noise_intensity=noise,
+        plant, stack_outputs(chosen, deformations(plant), sensed), hardware.sample_time, noise_intensity=noise
     )
 
 

@@ -38,13 +38,7 @@ class FitTask:
     examines: bool = True
     step: str = ""
 
-    def fit(
-        self,
-        journal: Journal | None,
-        *,
-        threads: int,
-        on_progress: OnProgress | None = None,
-    ) -> Fit:
+    def fit(self, journal: Journal | None, *, threads: int, on_progress: OnProgress | None = None) -> Fit:
         """Fit the model of the task to its tests; what the journal has is recalled."""
         return identify_with(
             self.spec,

@@ -35,11 +35,7 @@ _LIKE = RemarkKind(
 
 @checked
 def fit_like(
-    fit: Fit,
-    model: str | DamperSpec = "normalised_bouc_wen",
-    *,
-    rng: Seed = 0,
-    threads: Threads = 0,
+    fit: Fit, model: str | DamperSpec = "normalised_bouc_wen", *, rng: Seed = 0, threads: Threads = 0
 ) -> Fit:
     """Fit a model of the package to the simulated force of an identified damper, such as one in Python.
 

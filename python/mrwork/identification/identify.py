@@ -167,11 +167,7 @@ def identify_with(
             return starting_points(problem, call, near).with_given(spec, settings.starts)
         start = problem.inside([settings.starts[0][name] for name in spec.names])
         return StartingPoints(
-            objective=problem.objective,
-            form=problem.form,
-            theta=start[None],
-            trace=searched[1],
-            doubt=doubt,
+            objective=problem.objective, form=problem.form, theta=start[None], trace=searched[1], doubt=doubt
         )
 
     return _Identification(problem=problem, call=call, examines=examines).fit(find_points)

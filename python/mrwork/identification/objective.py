@@ -308,7 +308,7 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     return np.concatenate(residuals, axis=-1), np.concatenate(jacobians, axis=-1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@array_dataclass()
 class _AtCommands:
     """Candidates, rows of `theta` (n_rows, n_params), as parameters of the plain model at constant commands of tests.
 

@@ -66,11 +66,7 @@ class Scale:
 
 
 def scales_of(
-    spec: DamperSpec,
-    box: Box,
-    tests: tuple[DamperTest, ...],
-    theta: Floats,
-    effects: Sequence[Effect] = (),
+    spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats, effects: Sequence[Effect] = ()
 ) -> tuple[Scale, ...]:
     """The scale of each parameter, and then of each free effect, at `theta`, shape (n_params + n_effects,)."""
     ranges, scales = search_box(spec, box, tests), []

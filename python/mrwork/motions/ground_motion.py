@@ -185,9 +185,7 @@ def copies_remarks(names: Mapping[str, Iterable[str]]) -> Iterator[Remark]:
     for first, every in names.items():
         copies = tuple(dict.fromkeys(every))
         yield _COPIES.remark(
-            first,
-            *copies,
-            copies=f"{list_names(copies)} {'is a copy' if len(copies) == 1 else 'are copies'}",
+            first, *copies, copies=f"{list_names(copies)} {'is a copy' if len(copies) == 1 else 'are copies'}"
         )
 
 

@@ -25,13 +25,7 @@ from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
 from mrwork.files.delimited import DelimitedTable, read_text_bytes, split_lines
 from mrwork.files.layout import DECIMAL_COMMA, Layout, is_data, numbered_names, reads_as_float
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
-from mrwork.files.named_columns import (
-    ColumnTable,
-    VectorTable,
-    find_column,
-    unit_in_name,
-    words_and_unit,
-)
+from mrwork.files.named_columns import ColumnTable, VectorTable, find_column, unit_in_name, words_and_unit
 from mrwork.files.open_table import listed_files
 from mrwork.files.rounded_times import rounded_grid
 from mrwork.motions.examination import refuse_absurd

@@ -82,8 +82,7 @@ class CloughPenzien:
     name: ClassVar[str] = "Clough-Penzien"
     soil: KanaiTajimi = KanaiTajimi()
     frequency: Annotated[
-        Positive,
-        Says("frequency w_f of the second filter", unit="rad/s", named="high_pass_frequency"),
+        Positive, Says("frequency w_f of the second filter", unit="rad/s", named="high_pass_frequency")
     ] = 1.5
     damping: Annotated[
         Positive, Says("damping ratio zeta_f of the second filter", named="high_pass_damping")

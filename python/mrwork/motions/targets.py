@@ -176,8 +176,7 @@ def en_1998_spectrum(
 @checked
 def asce_7_spectrum(
     s_ds: Annotated[
-        Positive,
-        Says("design acceleration at short periods of ASCE 7", unit="m/s2", usual=(0.6, 40.0)),
+        Positive, Says("design acceleration at short periods of ASCE 7", unit="m/s2", usual=(0.6, 40.0))
     ],
     s_d1: Annotated[Positive, Says("design acceleration at 1 s of ASCE 7", unit="m/s2")],
     *,
@@ -213,14 +212,10 @@ def asce_7_spectrum(
 @checked
 def table_spectrum(
     periods: Annotated[
-        ArrayLike,
-        Within(least=0.0),
-        Says("increasing periods of a table, shape (n,)", unit="s"),
+        ArrayLike, Within(least=0.0), Says("increasing periods of a table, shape (n,)", unit="s")
     ],
     accelerations: Annotated[
-        ArrayLike,
-        Within(above=0.0),
-        Says("pseudo-accelerations of a table, shape (n,)", unit="m/s2"),
+        ArrayLike, Within(above=0.0), Says("pseudo-accelerations of a table, shape (n,)", unit="m/s2")
     ],
     *,
     name: Annotated[str, Says("name of a table in tables and figures")] = "target",

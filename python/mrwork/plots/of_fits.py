@@ -121,10 +121,7 @@ _REACHED, _FURTHER = 0.9, 1.5
 
 @figure
 def profiles(
-    result: Profiles | Profile | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
+    result: Profiles | Profile | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = ()
 ) -> Panels:
     """Likelihood ratio over each parameter: threshold dashed, interval shaded, an arrow where it is open.
 

@@ -474,11 +474,7 @@ def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool 
 
 @figure
 def fragility(
-    result: Fragilities,
-    ax: Axes | None = None,
-    *,
-    rows: Sequence[str | int] = (),
-    legend: bool = True,
+    result: Fragilities, ax: Axes | None = None, *, rows: Sequence[str | int] = (), legend: bool = True
 ) -> Axes:
     """Probability that the limit is reached over intensity: the lognormal curve of each arrangement.
 

@@ -366,12 +366,7 @@ def nominal_test(
 
 
 @style.drawn_in_style()
-def nominal_loops(
-    spec: DamperSpec,
-    *,
-    amplitude: Amplitude = 0.015,
-    frequency: Frequency = 2.5,
-) -> Figure:
+def nominal_loops(spec: DamperSpec, *, amplitude: Amplitude = 0.015, frequency: Frequency = 2.5) -> Figure:
     """Force over displacement and over velocity in the last cycle of a sinusoid, at zero command.
 
     Parameters

@@ -120,9 +120,7 @@ _UNCLEAR: Final = RemarkKind(
     "give one, as in {option} or --column 'command={named}'",
 )
 _NOT_OF_NAME: Final = RemarkKind(
-    "name_not_used",
-    "the command is {recorded}; the {named} of the file name are not used",
-    verbs=OF_FILES,
+    "name_not_used", "the command is {recorded}; the {named} of the file name are not used", verbs=OF_FILES
 )
 
 

@@ -19,11 +19,7 @@ from mrwork.uncertainty.bands.prediction import Prediction
 
 @checked
 def write_page(
-    run: str | Path,
-    *,
-    summary: bool = False,
-    every_test: bool = False,
-    on_progress: OnProgress | None = None,
+    run: str | Path, *, summary: bool = False, every_test: bool = False, on_progress: OnProgress | None = None
 ) -> Path:
     """Draw the page of a run folder of any verb, and write it into the folder.
 

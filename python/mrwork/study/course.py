@@ -45,10 +45,7 @@ class Course:
     """Reports of runs in progress, of these steps; recalled runs do not count for a rate."""
 
     def __init__(
-        self,
-        on_progress: OnProgress | None = None,
-        steps: Sequence[Step] = (),
-        total: int = 0,
+        self, on_progress: OnProgress | None = None, steps: Sequence[Step] = (), total: int = 0
     ) -> None:
         self._on_progress, self._total = on_progress, total
         self._left = sum((Counter({step.kind: step.cost}) for step in steps), Counter[Kind]())
@@ -149,11 +146,7 @@ def _kind_of(arrangement: Arrangement) -> Kind:
 
 
 def _cost(
-    arrangement: Arrangement,
-    motions: Sequence[GroundMotion],
-    hardware: Hardware,
-    n_each: int,
-    threads: int,
+    arrangement: Arrangement, motions: Sequence[GroundMotion], hardware: Hardware, n_each: int, threads: int
 ) -> float:
     """Cost of runs, `n_each` under each motion, where lanes and threads are full."""
     law, lanes = arrangement.law, _LANES

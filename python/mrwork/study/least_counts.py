@@ -119,10 +119,7 @@ class DamperCounts(Plotted, Summarised):
         missed = f"Where the limit is not kept with up to {self.most} dampers in each place, the value is the lowest."
         return Summary(
             title=f"Least dampers that keep {small_first(judged.title)} within {self.in_words(self.limit)}",
-            facts=(
-                ("places", list_names(self.places)),
-                ("without dampers", self.in_words(self.bare)),
-            ),
+            facts=(("places", list_names(self.places)), ("without dampers", self.in_words(self.bare))),
             remarks=self.remarks,
             tables=[Table.of(columns, self.rows)],
             notes=[

@@ -89,8 +89,7 @@ def motions_of_study(read: Sequence[BareMotion], aims: Aims) -> tuple[MotionOfSt
     copies = copies_among([entry.ground for entry in read])
     names = {copy: read[first].ground.name for copy, first in copies.items()}
     of_each = read_each(
-        lambda number: _scaled_motions(read[number], aims, names.get(number, "")),
-        range(len(read)),
+        lambda number: _scaled_motions(read[number], aims, names.get(number, "")), range(len(read))
     )
     motions = tuple(motion for of_one in of_each for motion in of_one)
     if not motions:

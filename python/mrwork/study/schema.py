@@ -285,9 +285,7 @@ class DamperTable(Stated):
         usual=_COMMANDS,
     )
     command: float | str | None = optional(
-        'command that the dampers hold, as "0.5 A", whatever a law sends',
-        unit="A or V",
-        least=0.0,
+        'command that the dampers hold, as "0.5 A", whatever a law sends', unit="A or V", least=0.0
     )
     passive: bool = key(
         "whether the damper is passive: required where no parameter depends on the command, as in a run without --law",

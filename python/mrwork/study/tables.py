@@ -28,14 +28,7 @@ from mrwork.study.comparison import (
     results_in_words,
     times_better,
 )
-from mrwork.study.results import (
-    BAND,
-    ON_OFF,
-    RealisationBand,
-    StudyResults,
-    bands_over,
-    largest_step_changes,
-)
+from mrwork.study.results import BAND, ON_OFF, RealisationBand, StudyResults, bands_over, largest_step_changes
 
 MOST_IN_DETAIL = 8
 """Most motions of which terminals show every table; of more they show medians."""

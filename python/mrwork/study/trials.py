@@ -220,11 +220,7 @@ def _without_score(case: LoopCase) -> SimulationError:
 
 
 def magnitudes_of_runs(
-    building: Building,
-    motions: Sequence[GroundMotion],
-    off: Runs,
-    on: Runs,
-    devices: Sequence[Device],
+    building: Building, motions: Sequence[GroundMotion], off: Runs, on: Runs, devices: Sequence[Device]
 ) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from the runs at i = 0 and at the largest command."""
     first = 2.0 * math.pi * float(building.frequencies[0])
@@ -260,12 +256,7 @@ def magnitudes_of_runs(
 
 
 @checked
-def designed(
-    study: Study,
-    *,
-    journal: Journal | None = None,
-    on_progress: OnProgress | None = None,
-) -> Study:
+def designed(study: Study, *, journal: Journal | None = None, on_progress: OnProgress | None = None) -> Study:
     """Return the study with the gains of all its laws, as `run_study` and `tune` make it first.
 
     Laws whose settings are complete are designed where a study is made. Settings that a law lacks are taken from the
@@ -291,10 +282,7 @@ def designed(
     """
     if all(arrangement.named is None for arrangement in study.arrangements):
         return study
-    call, course = (
-        LongCall[Study](journal=journal, on_progress=on_progress),
-        Course(on_progress),
-    )
+    call, course = (LongCall[Study](journal=journal, on_progress=on_progress), Course(on_progress))
     case = training_case(study, on_block=course.advance)
     lacking = _Lacking(case=case, whole=study.problem.whole, call=call, course=course)
 

@@ -28,14 +28,7 @@ from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.errors import SettingError
 from mrwork.study.damper_size import BEST_AT_LARGEST
 from mrwork.study.row_kinds import Kind
-from mrwork.tuning.space import (
-    COMMAND_SLOPE,
-    DEAD_ZONE,
-    LARGEST,
-    FreeSetting,
-    LawCandidate,
-    TuningObjective,
-)
+from mrwork.tuning.space import COMMAND_SLOPE, DEAD_ZONE, LARGEST, FreeSetting, LawCandidate, TuningObjective
 
 _MARGIN = 0.01
 # Longest array whose numbers are shown in a line.

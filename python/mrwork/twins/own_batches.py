@@ -156,9 +156,11 @@ def _run(
 
 def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) -> Floats | None:
     """Sub-steps that the relaxation of the user wants, (n_batch,); zero without states, `None` without a relaxation."""
+    # Refuses equations that are not trusted, also where an equal damper was compiled while they were.
+    relaxation = twin_of(spec).relaxation
     if not spec.n_states:
         return np.zeros(len(theta))
-    if twin_of(spec).relaxation is None:
+    if relaxation is None:
         return None
     record = _record(history, power_of_two(history.n_time, _FEWEST_SAMPLES))
     command = np.asarray(record.command)

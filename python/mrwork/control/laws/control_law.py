@@ -290,10 +290,7 @@ def control_laws() -> tuple[ControlLawSpec, ...]:
     return tuple(
         ControlLawSpec(
             **entry
-            | {
-                "tables": tuple(entry["tables"]),
-                "gains": tuple(GainSpec(**gain) for gain in entry["gains"]),
-            }
+            | {"tables": tuple(entry["tables"]), "gains": tuple(GainSpec(**gain) for gain in entry["gains"])}
         )
         for entry in _rust.control_laws()
     )

@@ -13,12 +13,7 @@ from mrwork.base.keys import key, keys_of, optional, positive
 from mrwork.base.values import Floats
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.design_ground import AskedForce, asked_forces
-from mrwork.control.laws.law_problem import (
-    Design,
-    DesignProblem,
-    Magnitude,
-    Span,
-)
+from mrwork.control.laws.law_problem import Design, DesignProblem, Magnitude, Span
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import (
     MatrixRows,

@@ -186,12 +186,7 @@ class RolloutSettings(LawSettings):
                 "forecast": np.array([order, _FORGETTING, _COVARIANCE]),
                 "correction": np.array([_COMPARED, _COUNTED * building.total_mass]),
                 "shears": np.array(
-                    [
-                        float(self.shear_offsets),
-                        self.adaptation,
-                        self.adaptation_least,
-                        self.adaptation_most,
-                    ]
+                    [float(self.shear_offsets), self.adaptation, self.adaptation_least, self.adaptation_most]
                 ),
             },
         )

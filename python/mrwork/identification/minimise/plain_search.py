@@ -165,10 +165,7 @@ def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identify
         on_search=call.on_search,
     )
     theta = minima_from(
-        objective,
-        form.box,
-        elite[:_STARTS],
-        on_iteration=partial(report_minima, call, "", trace),
+        objective, form.box, elite[:_STARTS], on_iteration=partial(report_minima, call, "", trace)
     )
     return StartingPoints(objective=objective, form=form, theta=theta, trace=trace, doubt=alone_doubt(search))
 

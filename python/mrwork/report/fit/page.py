@@ -104,9 +104,7 @@ def _provenance_section(fit: Fit, predictions: Sequence[Prediction]) -> Section:
         ("Inputs, SHA-256", ", ".join(inputs)),
     )
     return Section(
-        title="Provenance",
-        summary=f"{made.created}, seed {made.rng}.",
-        groups=(Group(facts=facts),),
+        title="Provenance", summary=f"{made.created}, seed {made.rng}.", groups=(Group(facts=facts),)
     )
 
 

@@ -325,10 +325,7 @@ def fragility_section(results: StudyResults, fragilities: Fragilities) -> Sectio
         title="Records at several levels",
         summary=f"the {at.measure} at which {fragilities.limit_in_words}, of {words}.",
         groups=(
-            Group(
-                points=fragilities.in_words(),
-                table=table,
-            ),
+            Group(points=fragilities.in_words(), table=table),
             Group(panels=(curves,)),
             Group(panels=(lines,), layout="whole"),
         ),

@@ -114,11 +114,7 @@ def _changes_of(comparison: Comparison, row: int, reference: int) -> dict[str, F
 
 def _verdict(comparison: Comparison) -> str:
     """Whether a law beats the best constant command in both peaks, by how much, and under how many motions."""
-    results, passive, judged = (
-        comparison.results,
-        comparison.passive,
-        comparison.results.motions.in_words,
-    )
+    results, passive, judged = (comparison.results, comparison.passive, comparison.results.motions.in_words)
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     if not results.is_compared:
         return f"{counted(len(laws), 'law')} under {judged}, without the best constant command beside them."

@@ -121,13 +121,7 @@ class Reach:
                         )
                     )
         return tuple(
-            cls(
-                quantity=quantity,
-                below=below,
-                tests=tests,
-                severities=severities,
-                scores=scores,
-            )
+            cls(quantity=quantity, below=below, tests=tests, severities=severities, scores=scores)
             for (quantity, below), rows in reached.items()
             for tests, severities, scores in [zip(*rows, strict=True)]
         )

@@ -193,10 +193,7 @@ def with_others(prediction: Prediction, fit: Fit, observe: Sequence[str]) -> Pre
 
 
 def predict_test(
-    fit: Fit,
-    test: DamperTest,
-    observe: Sequence[str] | None = None,
-    substep_factor: int = 1,
+    fit: Fit, test: DamperTest, observe: Sequence[str] | None = None, substep_factor: int = 1
 ) -> Prediction:
     """A prediction without a warning, with `substep_factor` times as many integration steps."""
     words = fit.settings.observe if observe is None else observe

@@ -288,12 +288,7 @@ def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
 
 
 @overload
-def predict(
-    fit: Fit,
-    test: DamperTest,
-    *,
-    observe: str | Sequence[str] | None = None,
-) -> Prediction: ...
+def predict(fit: Fit, test: DamperTest, *, observe: str | Sequence[str] | None = None) -> Prediction: ...
 @overload
 def predict(
     fit: Fit,

@@ -24,14 +24,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
-from mrwork.errors import (
-    JournalError,
-    MrworkError,
-    MrworkWarning,
-    OutputError,
-    SettingError,
-    WorkerError,
-)
+from mrwork.errors import JournalError, MrworkError, MrworkWarning, OutputError, SettingError, WorkerError
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf
 from mrwork.identification.commands import CommandedTests, with_laws_at
 from mrwork.identification.equivalent import identifiable_form, levels_needed

@@ -34,13 +34,7 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.choice.choose import (
-    Choice,
-    Choosing,
-    compared_models,
-    refuse_unknown,
-    select_known,
-)
+from mrwork.uncertainty.choice.choose import Choice, Choosing, compared_models, refuse_unknown, select_known
 from mrwork.uncertainty.choice.law_search import FittedLaws, Laws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
@@ -212,9 +206,7 @@ class _ChoosingLaws(Choosing):
             forces = []
             for test, loading in motions:
                 beyond = replace(
-                    loading,
-                    displacement=_BEYOND * test.displacement,
-                    velocity=_BEYOND * test.velocity,
+                    loading, displacement=_BEYOND * test.displacement, velocity=_BEYOND * test.velocity
                 )
                 run = simulate_forces(laws.spec, laws.fit.theta[:1], beyond.history())
                 forces.append(run.force[0] / np.std(test.force))
@@ -248,11 +240,7 @@ class _ChoosingLaws(Choosing):
         same = [_NOT_LISTED.remark(measured=Measured(n_same, ""))] if n_same else []
         rows += [self.failing(model) for model in self.models if model.name in self.failed]
         return self.ranked(
-            rows,
-            remarks=(*self.remarks, *same),
-            unit=self.unit,
-            given=dict(self.given),
-            complete=complete,
+            rows, remarks=(*self.remarks, *same), unit=self.unit, given=dict(self.given), complete=complete
         )
 
     def _fitted(self, standing: Standing) -> tuple[LawSearch, FittedLaws]:

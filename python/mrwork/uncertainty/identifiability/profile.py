@@ -36,14 +36,7 @@ from mrwork.identification.verdicts import Scale, judge_interval, scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.identifiability.walks import (
-    DIRECTIONS,
-    Course,
-    Point,
-    Side,
-    Sides,
-    signed_root,
-)
+from mrwork.uncertainty.identifiability.walks import DIRECTIONS, Course, Point, Side, Sides, signed_root
 
 _BETTER_FIT = RemarkKind(
     "better_fit_found",
@@ -217,12 +210,7 @@ def _profile_of(
     )
     values = values_at(column)
     interval = Interval(
-        kind="profile",
-        level=level,
-        lower=lower,
-        upper=upper,
-        lower_end=below.end,
-        upper_end=above.end,
+        kind="profile", level=level, lower=lower, upper=upper, lower_end=below.end, upper_end=above.end
     )
     return Profile(
         name=scale.name,
