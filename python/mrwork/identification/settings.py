@@ -51,7 +51,7 @@ class Race:
     generations: Count = 20
     most_rounds: Count = 3
     most_iterations: Count = 40
-    sure_steps: NotNegative = 2e6
+    sure_steps: NotNegative = 4e6
     most_steps: Positive = 4e8
 
 
