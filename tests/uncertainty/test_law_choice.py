@@ -16,7 +16,7 @@ from mrwork.dampers import damper
 from mrwork.dampers.spec import hidden_extrema, law_values
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
-from mrwork.identification.excerpts import middle_excerpt
+from mrwork.identification.excerpts import middle_excerpt, middle_excerpts
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.result import BuildingCost
@@ -201,22 +201,27 @@ def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:
     assert middle_excerpt(fine).dt == pytest.approx(4.0 * fine.dt)
 
 
-def test_a_motion_that_begins_and_dies_away_is_one_of_equal_cycles_in_its_middle() -> None:
+def test_a_motion_that_begins_and_dies_away_loses_its_ends_where_another_shows_smaller_ones() -> None:
     test = sinusoidal_test("viscous_dahl", (800.0, 300.0, 2000.0, 20.0), (0.010, 1.0), noise=0.0, cycles=12)
 
     def with_sizes(*sizes: float) -> DamperTest:
         size = np.interp(test.time, np.arange(len(sizes)) * 12.0 / (len(sizes) - 1), sizes)
         return replace(test, displacement=size * test.displacement, velocity=size * test.velocity)
 
-    short = middle_excerpt(with_sizes(0.3, *[1.0] * 11, 0.3))
+    dying = with_sizes(0.3, *[1.0] * 11, 0.3)
+    smaller = replace(test, displacement=0.5 * test.displacement, velocity=0.5 * test.velocity)
+    short, kept = middle_excerpts([dying, with_sizes(0.15, *[0.5] * 11, 0.15)])
     assert short.n_time * short.dt < 5.0
+    # The smallest motion of a command shows its ends, which no other test has.
+    assert kept.n_time * kept.dt > 10.0
+    assert middle_excerpts([dying])[0].n_time * short.dt > 10.0
     # Motions that grow, or that have a part of another stroke, stay whole.
     for other in (
         with_sizes(0.2, 1.0),
         with_sizes(*[1.0] * 8, *[0.5] * 5),
         with_sizes(*[1.0] * 6, 0.5, *[1.0] * 6),
     ):
-        assert middle_excerpt(other).n_time * short.dt > 10.0
+        assert middle_excerpts([other, smaller])[0].n_time * short.dt > 10.0
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from mrwork.dampers.laws import CommandLaw, LawName, law_of, laws_in_order
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, bounds_of, identifiable_form, joint_box, levels_needed
-from mrwork.identification.excerpts import excerpt, middle_excerpt, varied_excerpt
+from mrwork.identification.excerpts import excerpt, middle_excerpts, varied_excerpt
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -79,7 +79,7 @@ def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
     if problem.form.spec.command_unit is None:
         return tuple(map(excerpt, tests))
     if CommandedTests.of(problem.form.spec, tests).has_levels:
-        return tuple(map(middle_excerpt, tests))
+        return middle_excerpts(tests)
     return tuple(map(varied_excerpt, tests))
 
 

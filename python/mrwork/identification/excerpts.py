@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import ceil
@@ -167,15 +168,36 @@ def _excerpt_seconds(test: DamperTest, frequency: float, cycles: int = _EXCERPT_
     return (test.n_time - test.n_counted) * test.dt + cycles / frequency
 
 
-def middle_excerpt(test: DamperTest, cycles: int | None = None) -> DamperTest:
+def middle_excerpts(tests: Sequence[DamperTest]) -> tuple[DamperTest, ...]:
+    """The `middle_excerpt` of each test, without the ends of its motion where another test shows smaller motions.
+
+    Where a motion begins and dies away the loop is smaller: of the smallest motion at a command that stays.
+    """
+    strokes = [float(np.ptp(test.displacement)) for test in tests]
+    return tuple(
+        middle_excerpt(
+            test,
+            ends=_ENDS
+            if any(
+                other.commands == test.commands and smaller < _SAME_RANGE * stroke
+                for other, smaller in zip(tests, strokes, strict=True)
+            )
+            else 0,
+        )
+        for test, stroke in zip(tests, strokes, strict=True)
+    )
+
+
+def middle_excerpt(test: DamperTest, cycles: int | None = None, ends: int = 0) -> DamperTest:
     """As many cycles from the middle of a cyclic test, with 100 samples in each, slow ones in steps of 0.04 s.
 
     They represent a drifting force better than the first ones. Another motion, and a test whose command varies, is
-    treated as by `excerpt`. So is one whose cycles differ, but for its ends, unless a number of `cycles` is given.
+    treated as by `excerpt`. So is one whose cycles differ, but for so many at its `ends`, unless a number of `cycles`
+    is given.
     """
     motion = spectrum(test.displacement, test.dt)
     is_cyclic = motion.dominant > 0.0 and motion.band_edge <= _CYCLIC_BAND * motion.dominant
-    if not is_cyclic or test.has_varying_command or not (cycles or _repeats(test, motion.dominant, _ENDS)):
+    if not is_cyclic or test.has_varying_command or not (cycles or _repeats(test, motion.dominant, ends)):
         return excerpt(test)
     length = _excerpt_seconds(test, motion.dominant, cycles or _EXCERPT_CYCLES)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)

@@ -21,7 +21,7 @@ from mrwork.identification.commands import CommandedTests
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.effects import fit_effects
-from mrwork.identification.excerpts import middle_excerpt
+from mrwork.identification.excerpts import middle_excerpts
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -308,7 +308,7 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
         # A command at which the plain model cannot be fitted is left out.
         with suppress(MrworkError):
             alone = Problem.of(plain, tests, settings, threads=objective.threads)
-            excerpts = tuple(map(middle_excerpt, alone.objective.tests))
+            excerpts = middle_excerpts(alone.objective.tests)
             theta = find_minima(
                 alone.objective.on(alone.form.spec, excerpts),
                 alone.form.box,

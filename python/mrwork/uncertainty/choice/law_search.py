@@ -23,7 +23,7 @@ from mrwork.dampers.spec import DamperSpec, hidden_extrema, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
-from mrwork.identification.excerpts import middle_excerpt, stretches_of
+from mrwork.identification.excerpts import middle_excerpts, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.settings import FitSettings, Fold, Start
@@ -422,7 +422,7 @@ def prepare_search(
             "laws are chosen by tests left out of their fits, and one test was given; give more, or a record of a "
             "command that shows its levels three times"
         )
-    short = tuple(map(middle_excerpt, tests))
+    short = middle_excerpts(tests)
     tested = CommandedTests.of(spec, short)
     tested.refuse_few()
     commands = tested.commands
