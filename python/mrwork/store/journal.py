@@ -274,7 +274,7 @@ def journal_in_run(path: Path, *, committed: Path, resume: bool, note: Callable[
 
 
 # Increased whenever names or order of the entries change, or the bits of what is computed: older journals are refused.
-FORMAT = 5
+FORMAT = 6
 
 JOURNAL_FILE: Final = FileKind(
     name="a journal", largest=1 << 30, remedy="move it away, and run again without --resume"

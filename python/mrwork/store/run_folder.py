@@ -76,7 +76,7 @@ INTERRUPTED: Final = "interrupted"
 """Status in the manifest of a run that was written before its end."""
 T = TypeVar("T")
 
-FORMAT: Final = 4
+FORMAT: Final = 5
 """Increased whenever the files of a run folder change in a way that this version cannot read."""
 ADDITIONS: Final = frozenset({
     CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
