@@ -173,33 +173,37 @@ def middle_excerpts(tests: Sequence[DamperTest]) -> tuple[DamperTest, ...]:
 
     Where a motion begins and dies away the loop is smaller: of the smallest motion at a command that stays.
     """
-    strokes = [float(np.ptp(test.displacement)) for test in tests]
+    least: dict[object, float] = {}
+    for test in tests:
+        if not test.has_varying_command:
+            stroke = float(np.ptp(test.displacement))
+            least[test.commands] = min(stroke, least.get(test.commands, stroke))
     return tuple(
         middle_excerpt(
             test,
-            ends=_ENDS
-            if any(
-                other.commands == test.commands and smaller < _SAME_RANGE * stroke
-                for other, smaller in zip(tests, strokes, strict=True)
-            )
-            else 0,
+            ends=0
+            if test.has_varying_command
+            or least[test.commands] >= _SAME_RANGE * float(np.ptp(test.displacement))
+            else _ENDS,
         )
-        for test, stroke in zip(tests, strokes, strict=True)
+        for test in tests
     )
 
 
 def middle_excerpt(test: DamperTest, cycles: int | None = None, ends: int = 0) -> DamperTest:
     """As many cycles from the middle of a cyclic test, with 100 samples in each, slow ones in steps of 0.04 s.
 
-    They represent a drifting force better than the first ones. Another motion, and a test whose command varies, is
-    treated as by `excerpt`. So is one whose cycles differ, but for so many at its `ends`, unless a number of `cycles`
-    is given.
+    They represent a drifting force better than the first ones. Without so many `ends` of a motion that begins and dies
+    away all its cycles stay. Another motion, a test whose command varies, and one whose cycles differ otherwise, are
+    treated as by `excerpt`, the last unless a number of `cycles` is given.
     """
     motion = spectrum(test.displacement, test.dt)
     is_cyclic = motion.dominant > 0.0 and motion.band_edge <= _CYCLIC_BAND * motion.dominant
-    if not is_cyclic or test.has_varying_command or not (cycles or _repeats(test, motion.dominant, ends)):
+    if not is_cyclic or test.has_varying_command or not (cycles or _repeats(test, motion.dominant, _ENDS)):
         return excerpt(test)
+    thin = max(1, int(min(1.0 / (motion.dominant * _MIDDLE_PER_CYCLE), _LONGEST_STEP) / test.dt))
+    if not cycles and not _repeats(test, motion.dominant, ends):
+        return cut(test, every=thin)
     length = _excerpt_seconds(test, motion.dominant, cycles or _EXCERPT_CYCLES)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)
-    thin = max(1, int(min(1.0 / (motion.dominant * _MIDDLE_PER_CYCLE), _LONGEST_STEP) / test.dt))
     return cut(test, start=start, end=start + length, every=thin)
