@@ -42,6 +42,27 @@ def asked_of(building: Structure, modes: Modes) -> Iterator[Remark]:
     yield from _storey_remarks(building, modes)
 
 
+_CONDENSED: Final = RemarkKind(
+    "coordinates_condensed",
+    "{0}: {1} that no floor, storey, device or influence names {2} condensed statically, {period}; {change}",
+)
+
+
+def condensed_remarks(building: Structure) -> Iterator[Remark]:
+    """How many coordinates were condensed statically, and the largest change of a kept frequency."""
+    if (done := building.condensation) is not None:
+        count = len(done.coordinates)
+        kept = f"the largest change of a kept frequency is {100.0 * done.change:.2g} %, at {done.frequency:.4g} Hz"
+        yield _CONDENSED.remark(
+            building.name,
+            counted(count, "coordinate"),
+            "is" if count == 1 else "are",
+            measured=Measured(done.change, ""),
+            period=f"with periods up to {done.period:.2g} s" if done.period else "without mass",
+            change=kept if done.frequency else "no frequency changes",
+        )
+
+
 _PERIOD: Final = RemarkKind(
     "period_unusual",
     "{0}: the {1} period is {value:.3g} s for {storeys}, and frames have about 0.1 s a storey",
@@ -61,7 +82,8 @@ _STIFF_MODE: Final = RemarkKind(
     "mode_stiff",
     "{0}: mode {mode} at {frequency:.4g} Hz has {percent:.3g} % of critical damping; it moves {share:.1g} of the mass, "
     "by coordinate {part}, {mass:g} kg",
-    "condense this coordinate out of the matrices, or damp its mode by modal_damping",
+    "leave this coordinate out of floors, storeys and influence and give condense = true in [building], or damp its "
+    "mode by modal_damping",
 )
 
 

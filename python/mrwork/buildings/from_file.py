@@ -47,7 +47,12 @@ from mrwork.buildings.passive_devices import (
 )
 from mrwork.buildings.passive_element import PassiveElement
 from mrwork.buildings.plane_building import Building, source_with
-from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states
+from mrwork.buildings.state_space import (
+    building_of,
+    mass_of_forces,
+    order_of_states,
+    static_condensation,
+)
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
@@ -97,6 +102,11 @@ class BuildingTable:
     )
     influence: _Numbers | str | None = optional(
         "coordinates under a unit displacement of the ground; ones by default", file=True
+    )
+    condense: bool | None = optional(
+        "whether coordinates that no floor, storey, element, row of a damper or influence names are condensed "
+        "statically; by default those without mass, and in a study, if periods are below a tenth of its step, those of "
+        "periods below the step"
     )
     floors: _Rows | str | None = optional(
         "rows from coordinates to floors; by default each is a floor", file=True
@@ -194,14 +204,15 @@ def read_building(path: str | Path) -> Building:
     return _read(Path(path), ())
 
 
-def _read(path: Path, readers: tuple[Path, ...]) -> Building:
-    """Read a building; `readers` are the files that refer to this one, to detect cycles."""
+def _read(path: Path, readers: tuple[Path, ...], *, complete: bool = True) -> Building:
+    """Read a building, `complete` without further rows; `readers` are the files that refer to it, to detect cycles."""
     if real_path(path) in readers:
         raise InvalidSettingError((), f"{path} refers back to itself; name the file of another building")
     if is_folder(path) or path.suffix.lower() == ".mat":
         table = BuildingTable(name=path.stem, source=str(path))
         with Place(origin=str(path)).prefix_errors():
-            return _from_matrices(read_matrices(path, _TITLES), table).check()
+            built = _from_matrices(read_matrices(path, _TITLES), table)
+            return static_condensation(built).check() if complete else built
     if path.suffix.lower() != ".toml":
         raise RecordError(
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
@@ -248,10 +259,11 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             additions = read_each(Arguments.call, table.additions())
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        arrays = _arrays(table, folder)
         if form == "masses":
             built = _shear(table)
         elif form == "mass":
-            built = _from_matrices(_arrays(table, folder), table)
+            built = _from_matrices(arrays, table)
         elif form == "system":
             built = _from_system(table, folder)
         else:
@@ -261,9 +273,18 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                 elif isinstance(table.file, Building):
                     built = table.file
                 else:
-                    built = _read(folder / str(table.file), readers)
-            built = _with_matrices(built, _arrays(table, folder))
-        built = _with_statements(built, table).check()
+                    built = _read(folder / str(table.file), readers, complete=not arrays)
+            built = _with_matrices(built, arrays)
+        built = _with_statements(built, table)
+        if table.condense is not False:
+            built = static_condensation(built, shortest_period=np.inf if table.condense else 0.0)
+        if table.condense and built.condensation is None:
+            raise InvalidSettingError(
+                "condense",
+                "condense is true, and floors, storeys, influence or dashpots name every coordinate; give floors, "
+                "storeys and influence of those that are displacements of floors, 0 of the others",
+            )
+        built.check()
         of_damping = (table.rayleigh, table.modal_damping)
         if table.element or any(addition not in of_damping for addition in table.additions()):
             with keyed(form):
@@ -335,7 +356,11 @@ def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
         return building
     status = "ours" if building.knows_masses else building.status
     source = source_with(building, f"{', '.join(arrays)} replaced")
-    return replace(building, **arrays, status=status, source=source)
+    # Names of rows that are not there go with them, and differences of floors follow the floors.
+    named: dict[str, Any] = {f"{rows[:-1]}_names": () for rows in _ROWS if rows in arrays}
+    if "floors" in arrays and np.array_equal(building.storeys, np.diff(building.floors, axis=0, prepend=0.0)):
+        arrays, named = {"storeys": np.empty(0), **arrays}, {**named, "storey_names": ()}
+    return replace(building, **arrays, **named, status=status, source=source)
 
 
 def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:

@@ -26,6 +26,7 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
 from mrwork.store.user_python import run_file, text_to_compare
+from mrwork.study.dampers import condensed_for
 from mrwork.study.row_kinds import Kind
 from mrwork.study.schema import (
     CONSTANT_LAWS,
@@ -193,7 +194,7 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
 def _baseline(baseline: BaselineTable, table: StudyTable, without: Arrangement, folder: Path) -> Arrangement:
     bare = without.bare
     with keyed("building"):
-        changed = table.building.override_with(baseline.building).build(folder)
+        changed = condensed_for(table.building.override_with(baseline.building).build(folder), table)
         names = {*changed.floor_names, *changed.storey_names}
         missing = [name for name in (*bare.floor_names, *bare.storey_names) if name not in names]
         if missing:

@@ -22,12 +22,13 @@ from mrwork.buildings import Building
 from mrwork.buildings.device import Device
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
+from mrwork.buildings.state_space import static_condensation
 from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.study.schema import DamperTable
+from mrwork.study.schema import DamperTable, StudyTable
 
 Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
@@ -207,6 +208,37 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
     return tuple(sets)
 
 
+# Period over the step of the integration, below which a coordinate is far stiffer; those that are stiff, too, go along.
+_FAR_STIFFER, _STIFF = 0.1, 1.0
+
+
+def condensed_for(building: Building, table: StudyTable) -> Building:
+    """A building of a study without coordinates that are far stiffer than its step, if no damper names them."""
+    if table.building.condense is False:
+        return building
+    rows = (_of_building(building, damper.row) for damper in table.damper if damper.row is not None)
+    keep = np.array([row for row in rows if row.size == building.n_coordinates])
+    condensed, step = building, table.hardware.sample_time / table.hardware.steps
+    for periods in (_FAR_STIFFER, _STIFF):
+        condensed = static_condensation(building, shortest_period=periods * step, keep=keep)
+        if condensed is building:
+            break
+    return condensed
+
+
+def _of_building(building: Building, row: Sequence[float]) -> Floats:
+    """A row over the coordinates of a building, of which the row may also have those that were condensed."""
+    whole, done = np.array(row), building.condensation
+    is_whole = done is not None and whole.size == building.n_coordinates + len(done.coordinates)
+    if is_whole and np.delete(whole, building.kept).any():
+        raise InvalidSettingError(
+            "row",
+            f"row moves a coordinate of {building.name} that has no mass and is condensed; give it a mass, or "
+            "condense = false in [building]",
+        )
+    return whole[building.kept] if is_whole else whole
+
+
 def equip_building(
     bare: Building, tables: Sequence[DamperTable], chosen: Sequence[Device]
 ) -> tuple[Building, tuple[Device, ...]]:
@@ -246,10 +278,11 @@ def _row_of(bare: Building, table: DamperTable, number: int) -> Floats:
             row = bare.storey_row(table.storey)
         if table.row is None:
             return cos(table.angle or 0.0) * row
-        if len(table.row) != bare.n_coordinates or not any(table.row):
+        row = _of_building(bare, table.row)
+        if row.size != bare.n_coordinates or not row.any():
             raise InvalidSettingError(
                 "row",
                 f"row has {counted(len(table.row), 'number')} for {counted(bare.n_coordinates, 'coordinate')} of "
                 f"{bare.name}; give one for each, not all 0",
             )
-    return np.array(table.row)
+    return row
