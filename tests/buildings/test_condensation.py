@@ -136,7 +136,10 @@ def test_coordinates_without_mass_are_condensed_exactly_and_before_damping() -> 
     np.testing.assert_allclose(study.building.stiffness, own, rtol=1e-9, atol=1e-3)
     np.testing.assert_array_equal(study.building.influence, [1.0, 0.0] * 20)
     (said,) = (remark for remark in study.remarks if remark.code == "coordinates_condensed")
-    assert "without mass; no frequency changes" in said.message
+    assert (
+        "periods up to 0 s, condensed statically; the largest change of a kept frequency is 0 %"
+        in said.message
+    )
 
 
 def test_all_that_nothing_names_are_condensed_on_demand() -> None:
@@ -148,7 +151,6 @@ def test_all_that_nothing_names_are_condensed_on_demand() -> None:
     assert few.frequencies[0] == pytest.approx(as_they_are.frequencies[0], rel=2e-3)
     changes = few.frequencies / as_they_are.frequencies[:20] - 1.0
     assert few.condensation.change == pytest.approx(changes.max(), rel=1e-6)
-    assert few.condensation.frequency == pytest.approx(few.frequencies[changes.argmax()])
     own = frame(inertia=500.0)
     named = {name: own[name].tolist() for name in ("mass", "stiffness")}
     refusal(mr.study_of, building={**named, "condense": True}, motions=[], match="name every coordinate")

@@ -44,23 +44,19 @@ def asked_of(building: Structure, modes: Modes) -> Iterator[Remark]:
 
 _CONDENSED: Final = RemarkKind(
     "coordinates_condensed",
-    "{0}: {1} that no floor, storey, device or influence names {2} condensed statically, {period}; {change}",
+    "{0}: {1} that no floor, storey, device or influence names, with periods up to {period:.2g} s, condensed "
+    "statically; the largest change of a kept frequency is {percent:.2g} %",
 )
 
 
 def condensed_remarks(building: Structure) -> Iterator[Remark]:
     """How many coordinates were condensed statically, and the largest change of a kept frequency."""
     if (done := building.condensation) is not None:
-        count = len(done.coordinates)
-        kept = f"the largest change of a kept frequency is {100.0 * done.change:.2g} %, at {done.frequency:.4g} Hz"
-        yield _CONDENSED.remark(
-            building.name,
-            counted(count, "coordinate"),
-            "is" if count == 1 else "are",
-            measured=Measured(done.change, ""),
-            period=f"with periods up to {done.period:.2g} s" if done.period else "without mass",
-            change=kept if done.frequency else "no frequency changes",
+        words, measured = (
+            (building.name, counted(len(done.coordinates), "coordinate")),
+            Measured(done.change, ""),
         )
+        yield _CONDENSED.remark(*words, measured=measured, period=done.period, percent=100.0 * done.change)
 
 
 _PERIOD: Final = RemarkKind(

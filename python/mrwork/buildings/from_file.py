@@ -47,12 +47,7 @@ from mrwork.buildings.passive_devices import (
 )
 from mrwork.buildings.passive_element import PassiveElement
 from mrwork.buildings.plane_building import Building, source_with
-from mrwork.buildings.state_space import (
-    building_of,
-    mass_of_forces,
-    order_of_states,
-    static_condensation,
-)
+from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states, static_condensation
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
@@ -201,18 +196,22 @@ def read_building(path: str | Path) -> Building:
     SettingError
         The content does not describe a building; the message names file and key.
     """
-    return _read(Path(path), ())
+    built = _read(Path(path), (), {})
+    with Place(origin=str(path)).prefix_errors():
+        return static_condensation(built).check()
 
 
-def _read(path: Path, readers: tuple[Path, ...], *, complete: bool = True) -> Building:
-    """Read a building, `complete` without further rows; `readers` are the files that refer to it, to detect cycles."""
+def _read(path: Path, readers: tuple[Path, ...], arrays: Mapping[str, Floats]) -> Building:
+    """Read a building; `readers` are the files that refer to this one, to detect cycles.
+
+    Matrices, which are not judged here, get the `arrays` of a table beside them, as those have other rows.
+    """
     if real_path(path) in readers:
         raise InvalidSettingError((), f"{path} refers back to itself; name the file of another building")
     if is_folder(path) or path.suffix.lower() == ".mat":
         table = BuildingTable(name=path.stem, source=str(path))
         with Place(origin=str(path)).prefix_errors():
-            built = _from_matrices(read_matrices(path, _TITLES), table)
-            return static_condensation(built).check() if complete else built
+            return _from_matrices({**read_matrices(path, _TITLES), **arrays}, table)
     if path.suffix.lower() != ".toml":
         raise RecordError(
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
@@ -273,7 +272,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                 elif isinstance(table.file, Building):
                     built = table.file
                 else:
-                    built = _read(folder / str(table.file), readers, complete=not arrays)
+                    built = _read(folder / str(table.file), readers, arrays)
             built = _with_matrices(built, arrays)
         built = _with_statements(built, table)
         if table.condense is not False:
@@ -356,11 +355,7 @@ def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
         return building
     status = "ours" if building.knows_masses else building.status
     source = source_with(building, f"{', '.join(arrays)} replaced")
-    # Names of rows that are not there go with them, and differences of floors follow the floors.
-    named: dict[str, Any] = {f"{rows[:-1]}_names": () for rows in _ROWS if rows in arrays}
-    if "floors" in arrays and np.array_equal(building.storeys, np.diff(building.floors, axis=0, prepend=0.0)):
-        arrays, named = {"storeys": np.empty(0), **arrays}, {**named, "storey_names": ()}
-    return replace(building, **arrays, **named, status=status, source=source)
+    return replace(building, **arrays, status=status, source=source)
 
 
 def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:

@@ -182,8 +182,8 @@ class Building(Structure, Plotted, Summarised):
     def remarks(self) -> tuple[Remark, ...]:
         """Of condensed coordinates, `damping_remarks`, and questions on modes, coordinates, damping and strength."""
         asks = len(self.mass) <= MOST_QUESTIONED and self.total_mass > 0.0
-        asked = asked_of(self, self._modal()) if asks else ()
-        return (*condensed_remarks(self), *self.damping_remarks, *asked)
+        said = (*condensed_remarks(self), *self.damping_remarks)
+        return (*said, *(asked_of(self, self._modal()) if asks else ()))
 
     @property
     def poles(self) -> NDArray[np.complex128]:

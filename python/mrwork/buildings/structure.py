@@ -22,14 +22,12 @@ _DECIMALS, _CHAIN = 12, 1e-9
 class Condensation:
     """Coordinates that were condensed statically out of a building, numbered from 1 among all that it had.
 
-    `period` is the longest that they have where the others rest [s], 0 without mass. The mode of the `frequency` [Hz]
-    changes most, relatively by `change`.
+    `period` is the longest that they have where others rest [s], `change` the largest relative one of a frequency.
     """
 
     coordinates: tuple[Whole, ...]
     period: NotNegative
-    frequency: float = 0.0
-    change: float = 0.0
+    change: float
 
 
 @array_dataclass(repr=False)

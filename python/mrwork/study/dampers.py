@@ -208,8 +208,8 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
     return tuple(sets)
 
 
-# Period over the step of the integration, below which a coordinate is far stiffer; those that are stiff, too, go along.
-_FAR_STIFFER, _STIFF = 0.1, 1.0
+# Period over the step, below which a coordinate is far stiffer; those of periods below the step go along with it.
+_FAR_STIFFER = 0.1
 
 
 def condensed_for(building: Building, table: StudyTable) -> Building:
@@ -218,12 +218,9 @@ def condensed_for(building: Building, table: StudyTable) -> Building:
         return building
     rows = (_of_building(building, damper.row) for damper in table.damper if damper.row is not None)
     keep = np.array([row for row in rows if row.size == building.n_coordinates])
-    condensed, step = building, table.hardware.sample_time / table.hardware.steps
-    for periods in (_FAR_STIFFER, _STIFF):
-        condensed = static_condensation(building, shortest_period=periods * step, keep=keep)
-        if condensed is building:
-            break
-    return condensed
+    step = table.hardware.sample_time / table.hardware.steps
+    few = static_condensation(building, shortest_period=_FAR_STIFFER * step, keep=keep)
+    return few if few is building else static_condensation(building, shortest_period=step, keep=keep)
 
 
 def _of_building(building: Building, row: Sequence[float]) -> Floats:
