@@ -80,7 +80,7 @@ def test_a_limit_that_is_not_kept_is_told_with_what_is_reached(tmp_path: Path) -
     (off, best) = found.rows
     assert not off.keeps
     assert best.value == min(each.value for each in best.tried)
-    assert "limit is not kept with up to 4 dampers in each place, the value is the lowest" in str(found)
+    assert "limit is not kept with up to 4 dampers in each place" in " ".join(str(found).split())
     # Three rows under two motions and 21 constant commands under two.
     assert found.runs == len(best.tried) * (3 * 2 + 21 * 2)
     given.to_toml(tmp_path / "study.toml")

@@ -16,7 +16,7 @@ from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Measured, Remark, RemarkKind
-from mrwork.base.summary import Summarised, Summary, list_names, named
+from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats
 from mrwork.buildings.groups import commanded
@@ -127,7 +127,8 @@ class DamperCounts(Plotted, Summarised):
             ),
             Column("value", judged.short, shown=self.in_words),
         )
-        missed = f"Where the limit is not kept with up to {self.most} dampers in each place, the value is the lowest."
+        most = f"up to {self.most} dampers in each place, or {self.most * _PARTS} of a baseline"
+        missed = f"Where the limit is not kept with {most}, the value is the lowest."
         return Summary(
             title=f"Least dampers that keep {small_first(judged.title)} within {self.in_words(self.limit)}",
             facts=(("without dampers", self.in_words(self.bare)),),
@@ -135,8 +136,8 @@ class DamperCounts(Plotted, Summarised):
             tables=[Table.of(columns, self.rows)],
             notes=[
                 "" if all(row.keeps for row in self.rows) else missed,
-                f"{counted(self.runs, 'run')}; for each count the constant command was chosen and the laws were "
-                "designed anew.",
+                f"{counted(self.runs, 'run')}; for each number of dampers that follow a command the constant one was "
+                "chosen and the laws were designed anew.",
             ],
         )
 
@@ -144,7 +145,7 @@ class DamperCounts(Plotted, Summarised):
 def _counts_in_words(counts: tuple[int, ...], places: tuple[str, ...]) -> str:
     if len({*counts}) == 1:
         return f"{counts[0]}{' in each place' * (len(counts) > 1)}"
-    return list_names([f"{count} {at}" for count, at in zip(counts, places, strict=True)])
+    return ", ".join(f"{at}: {count}" for count, at in zip(counts, places, strict=True))
 
 
 @dataclass(kw_only=True)
@@ -296,11 +297,12 @@ def _stated(arrangement: Arrangement, baseline: BaselineTable, of_all: Any) -> I
         given = getattr(baseline.building, kind) or ()
         devices = given if isinstance(given, tuple) else (given,)
         if devices and all(key in device.given for device in devices):
-            at = [device.given.get("storey", device.given.get("floor")) for device in devices]
+            at = "storey" if kind == "viscous" else "floor"
+            places = [device.given[at] for device in devices]
             yield _Stated(
                 **of_all,
                 rows=(arrangement.row,),
-                places=tuple(f"at {place}" for place in at),
+                places=tuple(place if isinstance(place, str) else f"{at} {place}" for place in places),
                 order=range(len(devices))[::-1],
                 one=[device.given[key] for device in devices],
                 unit=unit,
