@@ -42,23 +42,6 @@ def asked_of(building: Structure, modes: Modes) -> Iterator[Remark]:
     yield from _storey_remarks(building, modes)
 
 
-_CONDENSED: Final = RemarkKind(
-    "coordinates_condensed",
-    "{0}: {1} that no floor, storey, device or influence names, with periods up to {period:.2g} s, condensed "
-    "statically; the largest change of a kept frequency is {percent:.2g} %",
-)
-
-
-def condensed_remarks(building: Structure) -> Iterator[Remark]:
-    """How many coordinates were condensed statically, and the largest change of a kept frequency."""
-    if (done := building.condensation) is not None:
-        words, measured = (
-            (building.name, counted(len(done.coordinates), "coordinate")),
-            Measured(done.change, ""),
-        )
-        yield _CONDENSED.remark(*words, measured=measured, period=done.period, percent=100.0 * done.change)
-
-
 _PERIOD: Final = RemarkKind(
     "period_unusual",
     "{0}: the {1} period is {value:.3g} s for {storeys}, and frames have about 0.1 s a storey",

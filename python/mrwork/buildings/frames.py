@@ -424,7 +424,7 @@ def with_base_isolation(
     # Displacements relative to the slab, q - r u.
     relative = np.hstack([-building.influence[:, None], np.eye(building.n_coordinates)])
     slab = np.concatenate([[1.0], np.zeros(building.n_coordinates)])
-    held, done = np.outer(slab, slab), building.condensation
+    held = np.outer(slab, slab)
     return replace(
         building,
         name=f"{building.name}, isolated",
@@ -439,7 +439,7 @@ def with_base_isolation(
         heights=np.append([0.0] * bool(building.heights.size), building.heights),
         loads=np.append([0.0] * bool(building.loads.size), building.loads),
         elements=transform_elements(building.elements, relative),
-        condensation=done and replace(done, coordinates=tuple(number + 1 for number in done.coordinates)),
+        condensed=tuple(number + 1 for number in building.condensed),
         source=source_with(building, "base isolation added"),
         status="ours",
     )

@@ -277,7 +277,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
         built = _with_statements(built, table)
         if table.condense is not False:
             built = static_condensation(built, shortest_period=np.inf if table.condense else 0.0)
-        if table.condense and built.condensation is None:
+        if table.condense and not built.condensed:
             raise InvalidSettingError(
                 "condense",
                 "condense is true, and floors, storeys, influence or dashpots name every coordinate; give floors, "

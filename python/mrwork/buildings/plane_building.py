@@ -18,7 +18,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass, freeze_samples
 from mrwork.buildings.building_checks import ARRAYS, check_form, check_motion, check_size
-from mrwork.buildings.building_remarks import MOST_QUESTIONED, asked_of, condensed_remarks
+from mrwork.buildings.building_remarks import MOST_QUESTIONED, asked_of
 from mrwork.buildings.modes import Modes, damping_remarks, modes_of, settle_shapes
 from mrwork.buildings.structure import Structure
 from mrwork.errors import SettingError, UnknownNameError
@@ -79,8 +79,8 @@ class Building(Structure, Plotted, Summarised):
         building is simulated, and are not in K. Empty without them.
     drift_limit
         Drift ratio that the building is to keep, as 0.01; 0 if none is stated. Pages draw it.
-    condensation
-        Coordinates that are condensed, as `static_condensation` states them.
+    condensed, condensing
+        Numbers of the coordinates that `static_condensation` has condensed, and its remarks.
 
     Raises
     ------
@@ -182,8 +182,8 @@ class Building(Structure, Plotted, Summarised):
     def remarks(self) -> tuple[Remark, ...]:
         """Of condensed coordinates, `damping_remarks`, and questions on modes, coordinates, damping and strength."""
         asks = len(self.mass) <= MOST_QUESTIONED and self.total_mass > 0.0
-        said = (*condensed_remarks(self), *self.damping_remarks)
-        return (*said, *(asked_of(self, self._modal()) if asks else ()))
+        asked = asked_of(self, self._modal()) if asks else ()
+        return (*self.condensing, *self.damping_remarks, *asked)
 
     @property
     def poles(self) -> NDArray[np.complex128]:

@@ -10,11 +10,13 @@ import scipy
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import May, NotNegative, checked
+from mrwork.base.numbers import counted
+from mrwork.base.remark import Measured, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.buildings.modes import is_positive, modes_of, spaces_of
 from mrwork.buildings.passive_element import transform_elements
 from mrwork.buildings.plane_building import Building, source_with
-from mrwork.buildings.structure import Condensation, Status
+from mrwork.buildings.structure import Status
 from mrwork.errors import SettingError
 
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
@@ -23,6 +25,11 @@ _ROUNDING: Final = 1e-8
 _SAME_INFLUENCE: Final = 1e-6
 # How late a coordinate may follow the others statically, by dashpots [s].
 _LATE: Final = 1e-4
+_CONDENSED: Final = RemarkKind(
+    "coordinates_condensed",
+    "{0}: {1} that no floor, storey, device or influence names, with periods up to {period:.2g} s, condensed "
+    "statically; the largest change of a kept frequency is {percent:.2g} %",
+)
 # What a building takes for the array that it has by default.
 _DEFAULT: Final = np.empty(0)
 
@@ -204,8 +211,7 @@ def static_condensation(
     onto = np.eye(len(mass))[:, kept]
     onto[out] = -np.linalg.solve(stiffness[np.ix_(out, out)], stiffness[np.ix_(out, kept)])
     matrices = {name: onto.T @ getattr(building, name) @ onto for name in ("mass", "damping", "stiffness")}
-    before, change, given = building.condensation, 0.0, influence[kept]
-    numbers = (*(() if before is None else before.coordinates), *(building.kept[out] + 1).tolist())
+    change, given = 0.0, influence[kept]
     condensed = replace(
         building,
         **matrices,
@@ -223,8 +229,14 @@ def static_condensation(
         condensed = replace(
             condensed, influence=given + np.where(np.abs(moved) > _SAME_INFLUENCE, moved, 0.0)
         )
-    done = Condensation(coordinates=tuple(sorted(numbers)), period=period, change=change)
-    return replace(condensed, condensation=done)
+    said = _CONDENSED.remark(
+        *(building.name, counted(len(out), "coordinate")),
+        measured=Measured(change, ""),
+        period=period,
+        percent=100.0 * change,
+    )
+    numbers = tuple(sorted([*building.condensed, *(building.kept[out] + 1).tolist()]))
+    return replace(condensed, condensed=numbers, condensing=(*building.condensing, said))
 
 
 def _static_coordinates(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import NotNegative, Whole
+from mrwork.base.remark import Remark
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.passive_element import PassiveElement
 
@@ -16,18 +17,6 @@ Status = Literal["verified", "published", "ours", "masses not known"]
 """Origin of the numbers of a building; the masses of a state space without M are not known."""
 # Decimals of coordinates under a unit drift, which are ones and zeros of most frames; what is rounding of a spring.
 _DECIMALS, _CHAIN = 12, 1e-9
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condensation:
-    """Coordinates that were condensed statically out of a building, numbered from 1 among all that it had.
-
-    `period` is the longest that they have where others rest [s], `change` the largest relative one of a frequency.
-    """
-
-    coordinates: tuple[Whole, ...]
-    period: NotNegative
-    change: float
 
 
 @array_dataclass(repr=False)
@@ -50,7 +39,8 @@ class Structure:
     heights: Floats = field(default_factory=lambda: np.empty(0))
     loads: Floats = field(default_factory=lambda: np.empty(0))
     drift_limit: NotNegative = 0.0
-    condensation: Condensation | None = None
+    condensed: tuple[Whole, ...] = ()
+    condensing: tuple[Remark, ...] = ()
     _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
 
     @property
@@ -61,9 +51,8 @@ class Structure:
     @property
     def kept(self) -> NDArray[np.intp]:
         """Index of each coordinate among those before some were condensed, shape (n,)."""
-        out = () if self.condensation is None else self.condensation.coordinates
-        whole = np.arange(self.n_coordinates + len(out))
-        return np.delete(whole, np.array(out, dtype=np.intp) - 1)
+        whole = np.arange(self.n_coordinates + len(self.condensed))
+        return np.delete(whole, np.array(self.condensed, dtype=np.intp) - 1)
 
     @property
     def drifts(self) -> Floats:

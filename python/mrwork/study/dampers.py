@@ -225,15 +225,15 @@ def condensed_for(building: Building, table: StudyTable) -> Building:
 
 def _of_building(building: Building, row: Sequence[float]) -> Floats:
     """A row over the coordinates of a building, of which the row may also have those that were condensed."""
-    whole, done = np.array(row), building.condensation
-    is_whole = done is not None and whole.size == building.n_coordinates + len(done.coordinates)
-    if is_whole and np.delete(whole, building.kept).any():
-        raise InvalidSettingError(
-            "row",
-            f"row moves a coordinate of {building.name} that has no mass and is condensed; give it a mass, or "
-            "condense = false in [building]",
+    whole, kept = np.array(row), building.kept
+    if whole.size != len(kept) + len(building.condensed):
+        return whole
+    if np.delete(whole, kept).any():
+        sentence = (
+            f"row moves a coordinate of {building.name} that has no mass and is condensed; give it a mass"
         )
-    return whole[building.kept] if is_whole else whole
+        raise InvalidSettingError("row", sentence)
+    return whole[kept]
 
 
 def equip_building(
