@@ -136,10 +136,7 @@ def test_coordinates_without_mass_are_condensed_exactly_and_before_damping() -> 
     np.testing.assert_allclose(study.building.stiffness, own, rtol=1e-9, atol=1e-3)
     np.testing.assert_array_equal(study.building.influence, [1.0, 0.0] * 20)
     (said,) = (remark for remark in study.remarks if remark.code == "coordinates_condensed")
-    assert (
-        "periods up to 0 s, condensed statically; the largest change of a kept frequency is 0 %"
-        in said.message
-    )
+    assert "periods up to 0 s; the largest change of a kept frequency is 0 %" in said.message
 
 
 def test_all_that_nothing_names_are_condensed_on_demand() -> None:
@@ -184,9 +181,7 @@ def test_what_a_damper_or_a_dashpot_names_stays() -> None:
     assert building_with(rayleigh={"a0": 0.1, "a1": 1e-3}).n_coordinates == 1
     massless = {"mass": [[1e4, 0.0], [0.0, 0.0]]}
     refusal(building_with, row=(1.0, -1.0), **massless, match="has no mass and is condensed")
-    refusal(
-        building_with, floors=np.eye(2).tolist(), **massless, match="leave it out, so that it is condensed"
-    )
+    refusal(building_with, floors=np.eye(2).tolist(), **massless, match="leave it out of floors")
 
 
 def test_numbers_of_coordinates_are_those_of_the_file() -> None:

@@ -27,8 +27,8 @@ _SAME_INFLUENCE: Final = 1e-6
 _LATE: Final = 1e-4
 _CONDENSED: Final = RemarkKind(
     "coordinates_condensed",
-    "{0}: {1} that no floor, storey, device or influence names, with periods up to {period:.2g} s, condensed "
-    "statically; the largest change of a kept frequency is {percent:.2g} %",
+    "{0}: {1} condensed statically, which no floor, storey, device or influence names, with periods up to {period:.2g} "
+    "s; the largest change of a kept frequency is {percent:.2g} %",
 )
 # What a building takes for the array that it has by default.
 _DEFAULT: Final = np.empty(0)
