@@ -222,3 +222,16 @@ def test_condensed_twice_numbers_and_names_stay() -> None:
     assert whole.condensed == (1, 3)
     assert whole.kept.tolist() == [1]
     assert whole.stiffness[0, 0] == pytest.approx(1e6)
+
+
+def test_a_gain_of_all_coordinates_is_told_which_are_condensed() -> None:
+    motion = mr.synthetic_motion(rng=0, duration=1.0)
+    law = {"law": "clipped_optimal", "gain": [[1e5, 0.0, 1e6, 0.0]]}
+    refusal(
+        mr.study_of,
+        building={**LIGHT, "rayleigh": {"a0": 0.1, "a1": 1e-3}},
+        dampers=[DAMPER],
+        laws=[law],
+        motions=[motion],
+        match="gain is 1 x 4, and the law takes 1 x 2.*of which 2 are condensed",
+    )
