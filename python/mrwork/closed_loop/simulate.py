@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import May, Threads, Whole, checked
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device as Device
+from mrwork.buildings.device import elongation_rows
 from mrwork.buildings.groups import commanded, groups_of, refuse_order, refuse_rate, sends_shares
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.core_loop import CoreLoop, LoopOfRuns, RunsOfLoop, Simulator, respond_alone, theta_of
@@ -28,6 +30,9 @@ from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
+from mrwork.control.laws.gain_conventions import gain_remarks
+from mrwork.control.laws.law_settings import SETTINGS
+from mrwork.control.linear.plant import plant_of
 from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
@@ -251,13 +256,19 @@ def simulate_loop(
         shaping=shaping,
         theta=theta,
     )
+    law_remarks: tuple[Remark, ...] = ()
+    # A design has looked at its own gain.
+    if SETTINGS[law.name].is_regulator and law.margins is None and len(gains) == 1:
+        plant = plant_of(building, elongation_rows(building, driven), [device.name for device in driven])
+        law_remarks = tuple(gain_remarks(plant, np.reshape(law.gains["gain"], (len(driven), n_states))))
     core, workers = loop.core(), present_workers()
     if workers is None or histories or user is not None or changes is not None:
         simulate = core.simulator(runs, histories=histories, threads=threads, changes=changes)
         parts, order = _respond_here(loop, runs, simulate, user, on_progress)
     else:
         parts, order = _respond_elsewhere(workers, loop, runs, on_progress), np.arange(len(runs.runs))
-    return _responses(core, runs, parts, order, varied or [building], factors)
+    responses = _responses(core, runs, parts, order, varied or [building], factors)
+    return replace(responses, law_remarks=law_remarks)
 
 
 def _distinct(buildings: Sequence[Building], building: Building) -> tuple[list[Building], list[int]]:

@@ -306,7 +306,7 @@ class Study(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """On records and their target, on the building and its baselines, and on unusual numbers.
+        """On records and their target, on the building and its baselines, on unusual numbers, and on loops of laws.
 
         Damping of a baseline is told of only where there is nothing to be said of the building.
         """
@@ -327,7 +327,12 @@ class Study(Summarised):
         of_records = dict.fromkeys(remark for motion in self.motions for remark in motion.remarks)
         of_motions = (*of_records, *copies_remarks(copies))
         of_motions += () if self.suite is None else self.suite.remarks
-        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.unusual)
+        of_laws = (
+            replace(remark, message=f"{label}: {remark.message}", words=(label, *remark.words))
+            for label, law in self.laws
+            for remark in law.remarks
+        )
+        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.unusual, *of_laws)
 
     @property
     def at_zero(self) -> Arrangement:

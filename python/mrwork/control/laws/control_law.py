@@ -17,6 +17,7 @@ from mrwork.base.arguments import May, NotNegative, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
@@ -143,6 +144,8 @@ class ControlLaw(Summarised):
         The designed weights of its gain, if it has any.
     margins
         Stability margins of its linear loop, if it has one.
+    remarks
+        On the linear loop of its gain: a sign or an order of the columns that fits better, an unstable loop.
     dead_zone
         Damper velocity below which the command is zero [m/s], by the velocity that the law receives. Near rest a damper
         dissipates next to nothing, and the sign of its velocity, on which laws switch, is random.
@@ -173,6 +176,7 @@ class ControlLaw(Summarised):
     notes: tuple[str, ...] = ()
     weights: DesignedWeights | None = None
     margins: LoopMargins | None = None
+    remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
         spec = self.spec
@@ -281,6 +285,7 @@ class ControlLaw(Summarised):
                 *self.notes,
                 *self.shaping_notes,
             ),
+            remarks=self.remarks,
         )
 
 

@@ -204,6 +204,7 @@ def design_law(
         ),
         weights=settings.weights(problem),
         margins=margins,
+        remarks=tuple(settings.remarks(problem, design, margins)),
     )
 
 
