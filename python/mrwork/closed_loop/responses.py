@@ -129,7 +129,7 @@ class Labelled:
 
 def command_unit_of(devices: Sequence[Device]) -> str:
     """Unit of the commands of these devices; "A or V" where none follows a command."""
-    return joined_units(device.spec.command_unit for device in commanded(devices)) or COMMAND_UNIT
+    return joined_units(device.command_unit for device in commanded(devices)) or COMMAND_UNIT
 
 
 def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) -> dict[str, NamedArray]:

@@ -19,8 +19,15 @@ from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device as Device
-from mrwork.buildings.device import elongation_rows
-from mrwork.buildings.groups import commanded, groups_of, refuse_order, refuse_rate, sends_shares
+from mrwork.buildings.device import as_actuators, elongation_rows
+from mrwork.buildings.groups import (
+    commanded,
+    groups_of,
+    refuse_order,
+    refuse_rate,
+    sends_forces,
+    sends_shares,
+)
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.core_loop import CoreLoop, LoopOfRuns, RunsOfLoop, Simulator, respond_alone, theta_of
 from mrwork.closed_loop.evaluation import criteria
@@ -103,7 +110,8 @@ def simulate_loop(
     """Simulate every candidate of the law under every motion with every draw of the dampers.
 
     Building, dampers and driver are integrated as one system by the classical Runge-Kutta method; the law receives
-    measurements at its sample times. Ideal actuators replace the dampers if the law commands forces.
+    measurements at its sample times. Ideal actuators of any force, without a limit of rate, replace the dampers if the
+    law commands forces; actuators of one's own are `mr.buildings.ideal_actuator`.
 
     Parameters
     ----------
@@ -157,20 +165,23 @@ def simulate_loop(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
         )
     refuse_order(devices)
+    driven, actuators = commanded(devices), law.spec.commands_force
+    if actuators and not all(device.is_actuator for device in driven):
+        # The rate of the hardware is one of the drivers of dampers.
+        hardware, driven = replace(hardware, command_rate=math.inf), as_actuators(driven)
+        devices = (*driven, *devices[len(driven) :])
     refuse_rate(devices, hardware.command_rate, "command_rate")
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
-    driven = commanded(devices)
-    if user is None:
-        refuse_units(law.spec, devices)
     n_states = 2 * len(building.check().mass)
     gains = law.gain_rows(len(driven), n_states)
+    if user is None and not (sends_forces(devices) and gains.size and not gains.any()):
+        refuse_units(law.spec, devices)
     shaping, counts = _core_shaping(law, shaping), {"gains": len(gains)}
     slope = math.inf
     if shaping is not None:
         slope, counts["`shaping`"] = float(shaping[:, 1].min()), len(shaping)
         refuse_rate(devices, slope, "command_slope")
-    actuators = law.spec.commands_force
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
             f"{law.name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
@@ -182,9 +193,6 @@ def simulate_loop(
     if lacking := beyond_twin(building, devices, hardware, name):
         raise SettingError(lacking)
     theta = theta_of(devices)
-    if actuators:
-        beside = devices[len(driven) :]
-        theta = (np.empty((1, len(driven), 0)), *(theta_of(beside) if beside else ()))
     n_draws = len(theta[-1])
     factors: Floats | None = None
     if largest_commands is not None:
@@ -259,7 +267,7 @@ def simulate_loop(
     law_remarks: tuple[Remark, ...] = ()
     # A design has looked at its own gain.
     if SETTINGS[law.name].is_regulator and law.margins is None and len(gains) == 1:
-        plant = plant_of(building, elongation_rows(building, driven), [device.name for device in driven])
+        plant = plant_of(building, elongation_rows(building, driven))
         law_remarks = tuple(gain_remarks(plant, np.reshape(law.gains["gain"], (len(driven), n_states))))
     core, workers = loop.core(), present_workers()
     if workers is None or histories or user is not None or changes is not None:
@@ -416,7 +424,7 @@ def _responses(
             )
             for run in at
         ),
-        devices=() if loop.law.spec.commands_force else loop.devices,
+        devices=() if sends_forces(loop.devices) else loop.devices,
         seconds=tuple(motion.duration for motion in motions),
         motions=tuple(motion.name for motion in motions),
         numbers=by_name(summary),

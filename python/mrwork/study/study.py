@@ -21,7 +21,7 @@ from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
 from mrwork.buildings.device import Device
-from mrwork.buildings.groups import commanded, joined_units
+from mrwork.buildings.groups import commanded, joined_units, sends_forces
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law
@@ -152,7 +152,9 @@ class NamedLaw:
 
     def shaped(self, law: ControlLaw) -> ControlLaw:
         """A law with dead zone and slope of the table."""
-        return replace(law, dead_zone=self.table.dead_zone, command_slope=self.table.command_slope)
+        unit = "N" if law.spec.commands_force else self.problem.devices[0].command_unit
+        slope = self.table.slope_in(unit or "A")
+        return replace(law, dead_zone=self.table.dead_zone, command_slope=slope)
 
     def design(self, problem: DesignProblem, taken: Mapping[str, Any]) -> ControlLaw:
         """The gains of the law, with settings that were taken where none were given."""
@@ -206,9 +208,10 @@ class Arrangement:
         return [index for index, element in enumerate(self.building.elements) if not element.in_stiffness]
 
 
-def commands_force(law: StudyLaw | None) -> bool:
-    """Whether a law commands forces, which ideal actuators exert."""
-    return isinstance(law, ControlLaw) and law.spec.commands_force
+def commands_force(arrangement: Arrangement) -> bool:
+    """Whether the law of an arrangement commands forces, which ideal actuators exert."""
+    law = arrangement.law
+    return sends_forces(arrangement.devices) or (isinstance(law, ControlLaw) and law.spec.commands_force)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -292,7 +295,7 @@ class Study(Summarised):
     @property
     def command_unit(self) -> str:
         """Unit of the commands, A without dampers, "A and V" where some follow a current and others a voltage."""
-        return joined_units(device.spec.command_unit for device in commanded(self.devices)) or "A"
+        return joined_units(device.command_unit for device in commanded(self.devices)) or "A"
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
@@ -500,7 +503,8 @@ def uses_in_words(uses: Sequence[Use]) -> str:
 
 def constant_share(devices: Sequence[Device], share: float) -> ControlLaw:
     """The law with a constant command, a share of the largest command of each device."""
-    return constant_commands([share * device.largest_command for device in commanded(devices)])
+    # An actuator of any force has an infinite largest command.
+    return constant_commands([share and share * device.largest_command for device in commanded(devices)])
 
 
 def constant_commands(commands: ArrayLike) -> ControlLaw:

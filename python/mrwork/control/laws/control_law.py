@@ -22,7 +22,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device
-from mrwork.buildings.groups import sends_shares
+from mrwork.buildings.groups import commanded, sends_forces, sends_shares
 from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
@@ -95,9 +95,14 @@ class ControlLawSpec:
 
 
 def refuse_units(spec: ControlLawSpec, devices: Sequence[Device]) -> None:
-    """Refuse devices of both units where the law sends a command of one unit."""
+    """Refuse devices of both units where the law sends a command of one unit, and actuators where it sends no force."""
+    if sends_forces(devices) and not spec.commands_force:
+        raise SettingError(
+            f"{spec.name} sends currents or voltages to dampers, and the command of {commanded(devices)[0].name} is a "
+            "force; give the law active, or a law in Python"
+        )
     if sends_shares(devices) and not spec.takes_both_units:
-        by_unit = {device.spec.command_unit: device.name for device in devices if device.is_commanded}
+        by_unit = {device.command_unit: device.name for device in devices if device.is_commanded}
         words = (f"{name} follows one in {unit}" for unit, name in by_unit.items())
         raise SettingError(
             f"{spec.name} sends one command to all dampers, and {' and '.join(words)}; choose a law whose command "
@@ -234,7 +239,8 @@ class ControlLaw(Summarised):
             notes.append(f"The command is zero below a damper velocity of {of_unit(self.dead_zone, 'm/s')}.")
         if math.isfinite(self.command_slope):
             slope = format_rounded(self.command_slope)
-            notes.append(f"The command changes by at most {slope} A or V per second.")
+            unit = "N" if self.spec.commands_force else "A or V"
+            notes.append(f"The command changes by at most {slope} {unit} per second.")
         return tuple(notes)
 
     @checked

@@ -53,20 +53,19 @@ def gain_remarks(
         return
     stable = _is_stable(plant, gain)
     if given and not (stable and _return_difference(plant, gain) > _NO_REGULATOR):
-        others = [(words, K) for words, K in _readings(plant, gain) if _is_stable(plant, K)]
-        regulators = [words for words, K in others if _return_difference(plant, K) > _REGULATOR]
-        if stable and regulators:
-            yield _CONVENTION.remark(
-                "is of no linear quadratic regulator", "is of one", " or ".join(regulators)
-            )
-        elif others:
-            # That of the other sign is named in any case.
-            fitting = [
-                words for words, _ in others if words == _PUSHES or not regulators or words in regulators
-            ]
-            yield _CONVENTION.remark(
-                "has a loop that is not stable", "has a stable one", " or ".join(fitting)
-            )
+        others = {
+            words: _return_difference(plant, K) > _REGULATOR
+            for words, K in _readings(plant, gain)
+            if _is_stable(plant, K)
+        }
+        # Where our loop is not stable, that of the other sign is named in any case, and every one if none is sure.
+        named = [] if stable else [_PUSHES] if any(others.values()) else [*others]
+        fitting = [words for words, is_regulator in others.items() if is_regulator or words in named]
+        here, there = (
+            ("is no regulator", "is one") if stable else ("has an unstable loop", "has a stable one")
+        )
+        if fitting:
+            yield _CONVENTION.remark(here, there, " or ".join(fitting))
         elif not stable:
             yield _UNSTABLE.remark()
     if stable and margins is not None and not margins.stable:
@@ -80,18 +79,17 @@ def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
     """The gain with other conventions in words, as it stands in ours."""
     n, drifts = plant.n_coordinates, plant.building.drifts
     x, v = gain[:, :n], gain[:, n:]
-    orders = {"": gain, "velocities before displacements": np.hstack([v, x])}
-    if n > 1:
-        orders["displacement and velocity of each coordinate by turns"] = np.hstack(
-            [gain[:, ::2], gain[:, 1::2]]
-        )
-        orders["the coordinates from the top down"] = np.hstack([x[:, ::-1], v[:, ::-1]])
-        if drifts.shape == (n, n):
-            orders["drifts of the storeys in place of displacements"] = np.hstack([x @ drifts, v @ drifts])
-    for words, K in orders.items():
-        if words:
-            yield words, K
-        yield f"-K and {words}" if words else _PUSHES, -K
+    orders = {
+        "velocities before displacements": (v, x),
+        "displacement and velocity of each coordinate by turns": (gain[:, ::2], gain[:, 1::2]),
+        "the coordinates from the top down": (x[:, ::-1], v[:, ::-1]),
+    }
+    if drifts.shape == (n, n):
+        orders["drifts of the storeys in place of displacements"] = (x @ drifts, v @ drifts)
+    yield _PUSHES, -gain
+    for words, columns in orders.items():
+        yield words, np.hstack(columns)
+        yield f"-K and {words}", -np.hstack(columns)
     for device, name in enumerate(plant.device_names if len(gain) > 1 else ()):
         signs = np.where(np.arange(len(gain)) == device, -1.0, 1.0)
         yield f"the other sign of {name} alone", signs[:, None] * gain
@@ -104,13 +102,10 @@ def _is_stable(plant: Plant, gain: Floats) -> bool:
 
 
 def _return_difference(plant: Plant, gain: Floats) -> float:
-    """Least singular value of `1 + K (j w - A)^-1 B` over the frequencies w; 0 where modes coincide."""
+    """Least singular value of `1 + K (j w - A)^-1 B` over the frequencies w."""
     T = plant.scaling
     poles, V = np.linalg.eig(np.linalg.solve(T, plant.A @ T))
-    try:
-        pushed = np.linalg.solve(V, np.linalg.solve(T, plant.B).astype(np.complex128))
-    except np.linalg.LinAlgError:
-        return 0.0
+    pushed = np.linalg.pinv(V) @ np.linalg.solve(T, plant.B)
     size = np.abs(poles)
     upper = poles[poles.imag >= 0.0]
     about = upper.imag[:, None] + np.abs(upper.real)[:, None] * _ABOUT

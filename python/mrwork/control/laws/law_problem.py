@@ -7,7 +7,7 @@ it fits any building and damper.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import exp, log
@@ -17,7 +17,6 @@ import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.keys import refuse_repeated
-from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
@@ -324,12 +323,6 @@ class LawSettings(ABC):
 
     def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
         """Sentences on the design that a user should read; none for most laws."""
-        return ()
-
-    def remarks(
-        self, problem: DesignProblem, design: Design, margins: LoopMargins | None
-    ) -> Iterable[Remark]:
-        """Remarks on the loop of the design with these margins; none for most laws."""
         return ()
 
     def certificate(self, problem: DesignProblem) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar, Self
 
@@ -10,11 +10,9 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import key, keys_of, optional, positive
-from mrwork.base.remark import Remark
 from mrwork.base.values import Floats
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.design_ground import AskedForce, asked_forces
-from mrwork.control.laws.gain_conventions import gain_remarks
 from mrwork.control.laws.law_problem import Design, DesignProblem, Magnitude, Span
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import (
@@ -128,13 +126,6 @@ class RegulatorSettings(CostWeights):
         if asked is None or not asked.asks_for_none:
             return notes
         return (*notes, f"Asks for no force: {asked.in_words}; {self._too_small(problem, asked)}.")
-
-    def remarks(
-        self, problem: DesignProblem, design: Design, margins: LoopMargins | None
-    ) -> Iterable[Remark]:
-        """Whether a finished gain is meant in another sign or order, and a loop that the hardware makes unstable."""
-        gain = np.asarray(design.gains["gain"])
-        return gain_remarks(problem.plant, gain, given=self.gain is not None, margins=margins)
 
     def _too_small(self, problem: DesignProblem, asked: AskedForce) -> str:
         """Say which number of a law that asks for no force is too large or too small, and by which factor."""
