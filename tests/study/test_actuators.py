@@ -83,6 +83,16 @@ def test_limits_are_in_newtons_for_actuators_and_in_the_place_of_dampers() -> No
     np.testing.assert_array_equal(peaks([LQR], {**ACTUATOR, "largest_force": "30 kN"}), peaks([laws[1]]))
 
 
+def test_a_law_has_the_largest_force_of_actuators_in_a_loop_of_its_own() -> None:
+    preset = mr.damper("static_hysteretic").preset("kwok2006")
+    row, gain = FRAME.storeys[0], 1e6 * np.array([[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]])
+    damper = mr.Device(name="d", spec=preset.spec, theta=preset.theta, row=row, largest_command=1.88)
+    for device in (damper, mr.buildings.ideal_actuator(name="a", row=row)):
+        law = mr.ControlLaw(name="active", gains={"gain": gain}, largest_force=2e4)
+        assert mr.simulate_loop(FRAME, [device], law, [MOTION]).peak_force[0, 0] == 2e4
+    refusal(mr.ControlLaw, name="maximum_energy_dissipation", largest_force=1e3, match="commands no forces")
+
+
 def test_the_rate_of_drivers_is_that_of_dampers_and_of_own_actuators_in_newtons() -> None:
     rate = {"command_rate": 1e5}
     damper = {"storey": 1, "preset": "kwok2006"}

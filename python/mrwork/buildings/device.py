@@ -236,11 +236,12 @@ def ideal_actuator(
     return Device(name=name, spec=_ACTUATOR, theta=(0.0, 1.0), row=row, largest_command=largest_force)
 
 
-def as_actuators(devices: Sequence[Device]) -> tuple[Device, ...]:
-    """The actuators among devices, and actuators of any force in the places of the dampers."""
+def as_actuators(devices: Sequence[Device], most: float) -> tuple[Device, ...]:
+    """The actuators among devices, and actuators in the places of the dampers, each with at most this force [N]."""
+    forces = [device.largest_command if device.is_actuator else inf for device in devices]
     return tuple(
-        device if device.is_actuator else ideal_actuator(name=device.name, row=device.row)
-        for device in devices
+        ideal_actuator(name=device.name, row=device.row, largest_force=min(force, most))
+        for device, force in zip(devices, forces, strict=True)
     )
 
 

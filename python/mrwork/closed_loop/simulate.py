@@ -110,8 +110,8 @@ def simulate_loop(
     """Simulate every candidate of the law under every motion with every draw of the dampers.
 
     Building, dampers and driver are integrated as one system by the classical Runge-Kutta method; the law receives
-    measurements at its sample times. Ideal actuators of any force, without a limit of rate, replace the dampers if the
-    law commands forces; actuators of one's own are `mr.buildings.ideal_actuator`.
+    measurements at its sample times. Ideal actuators replace the dampers if the law commands forces, without the rate
+    of their drivers; actuators of one's own are `mr.buildings.ideal_actuator`.
 
     Parameters
     ----------
@@ -166,9 +166,11 @@ def simulate_loop(
         )
     refuse_order(devices)
     driven, actuators = commanded(devices), law.spec.commands_force
-    if actuators and not all(device.is_actuator for device in driven):
-        # The rate of the hardware is one of the drivers of dampers.
-        hardware, driven = replace(hardware, command_rate=math.inf), as_actuators(driven)
+    if actuators:
+        if not sends_forces(devices):
+            # Its rate is one of the drivers of dampers.
+            hardware = replace(hardware, command_rate=math.inf)
+        driven = as_actuators(driven, law.largest_force)
         devices = (*driven, *devices[len(driven) :])
     refuse_rate(devices, hardware.command_rate, "command_rate")
     if not motions:

@@ -16,7 +16,6 @@ from mrwork.base.keys import as_document, check_known, keys_of, refuse_missing, 
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
-from mrwork.buildings.device import as_actuators
 from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_forces, sends_shares
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
@@ -164,17 +163,18 @@ def _arrange_controller(
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> tuple[DesignProblem, str]:
     """The problem with devices that get at most the command of a table, and the unit of the commands."""
     spec = None if controller.user or controller.law in CONSTANT_LAWS else control_law(controller.law)
-    if spec is not None and spec.commands_force and controller.largest_command is not None:
-        problem = replace(problem, devices=as_actuators(problem.devices), limited_from=problem.whole)
-    forces = sends_forces(problem.devices) or (spec is not None and spec.commands_force)
-    unit = "N" if forces else problem.devices[0].command_unit or "A"
-    shares, available = sends_shares(problem.devices), largest_command(problem.devices)
+    unit, shares = problem.devices[0].command_unit or "A", sends_shares(problem.devices)
+    if unit != "N" and spec is not None and spec.commands_force:
+        # Actuators replace the dampers, and the law has their limit; a wrong one is refused by its key here.
+        controller.command_in("largest_command", "N")
+        return problem, "N"
+    available = largest_command(problem.devices)
     limit = controller.command_in("largest_command", "1" if shares else unit)
     if limit is None:
         return problem, unit
     if limit <= available:
         return problem.limited_to(limit), unit
-    most = f"the {'actuators give' if forces else 'driver of the dampers gives'} {available:g} at most"
+    most = f"the {'actuators give' if unit == 'N' else 'driver of the dampers gives'} {available:g} at most"
     if shares:
         most = 'of dampers in A beside others in V it is a share of the largest command of each, as "80 %"'
     raise InvalidSettingError("largest_command", f"largest_command is {limit:g}, and {most}")

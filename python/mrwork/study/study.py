@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -151,10 +152,15 @@ class NamedLaw:
         return not self.missing and not self.lacks_motion
 
     def shaped(self, law: ControlLaw) -> ControlLaw:
-        """A law with dead zone and slope of the table."""
-        unit = "N" if law.spec.commands_force else self.problem.devices[0].command_unit
-        slope = self.table.slope_in(unit or "A")
-        return replace(law, dead_zone=self.table.dead_zone, command_slope=slope)
+        """A law with dead zone, slope and largest force of the table."""
+        forces = law.spec.commands_force
+        limit = self.table.command_in("largest_command", "N") if forces else None
+        return replace(
+            law,
+            dead_zone=self.table.dead_zone,
+            command_slope=self.table.slope_in("N" if forces else self.problem.devices[0].command_unit or "A"),
+            largest_force=math.inf if limit is None else limit,
+        )
 
     def design(self, problem: DesignProblem, taken: Mapping[str, Any]) -> ControlLaw:
         """The gains of the law, with settings that were taken where none were given."""
@@ -537,6 +543,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
     if isinstance(law, ControlLaw):
         numbers = sorted({**law.gains, **law.tables}.items())
         inputs = [law.name, [(name, _digest(array)) for name, array in numbers], law.shaping]
+        inputs += [law.largest_force] * math.isfinite(law.largest_force)
         inputs += [] if law.curve is None else [law.curve[0], _digest(law.curve[1])]
         inputs += [] if law.model is None else [_digest_of_loop(law.model.building, law.model.devices)]
     elif law is not None:

@@ -155,7 +155,9 @@ class ControlLaw(Summarised):
         Damper velocity below which the command is zero [m/s], by the velocity that the law receives. Near rest a damper
         dissipates next to nothing, and the sign of its velocity, on which laws switch, is random.
     command_slope
-        Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
+        Largest change of the command per time [A/s or V/s, N/s of forces], from sample to sample, after the dead zone.
+    largest_force
+        Force at which every actuator saturates, of a law that commands forces [N].
     model
         Building and dampers by which the law predicts the motion; they may differ from the simulated ones.
 
@@ -177,6 +179,7 @@ class ControlLaw(Summarised):
     curve: tuple[DamperSpec, ArrayLike] | None = None
     dead_zone: NotNegative = 0.0
     command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
+    largest_force: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
     model: LoopModel | None = None
     notes: tuple[str, ...] = ()
     weights: DesignedWeights | None = None
@@ -200,6 +203,8 @@ class ControlLaw(Summarised):
                 f"{spec.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic "
                 "with current laws, of the damper itself or of its static counterpart"
             )
+        if math.isfinite(self.largest_force) and not spec.commands_force:
+            raise SettingError(f"{spec.name} commands no forces; leave `largest_force` out")
         if self.model is not None and not spec.needs_model:
             raise SettingError(f"{spec.name} does not predict the motion; leave `model` out")
         if spec.needs_model and self.model is None:
