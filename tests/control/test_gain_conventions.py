@@ -62,6 +62,16 @@ def test_another_sign_or_order_is_named(gain: Floats, words: str) -> None:
     assert words in told.words[2]
 
 
+def test_one_coordinate_has_two_conventions_and_an_undamped_frame_at_rest_none() -> None:
+    mass = mr.buildings.shear_building(name="mass", masses=[1e5], stiffnesses=[1e8])
+    plant = mr.control.plant_of(mass, mass.storeys)
+    assert not list(gain_remarks(plant, np.zeros((1, 2))))
+    assert not list(gain_remarks(plant, np.array([[0.0, -1e6]])))
+    (told,) = gain_remarks(plant, np.array([[0.0, 1e6]]))
+    assert told.words[2].startswith("-K, which")
+    assert " or " not in told.words[2]
+
+
 def test_an_actuator_the_other_way_round_is_named() -> None:
     gain = -lqr(FRAME.storeys[:2].T)
     gain[1] *= -1.0

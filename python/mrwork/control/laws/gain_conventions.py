@@ -16,7 +16,7 @@ from mrwork.control.linear.plant import Plant
 _MOST_COORDINATES = 50
 # Least return difference of a regulator, but for the rounding of its gain, and one below which a gain is of none.
 _REGULATOR, _NO_REGULATOR = 0.995, 0.9
-_FREQUENCIES = 400
+_FREQUENCIES, _ROUNDING = 400, 1e-9
 # Places about each pole, in half widths of its resonance.
 _ABOUT = np.sinh(np.linspace(-5.0, 5.0, 41))
 
@@ -49,7 +49,7 @@ def gain_remarks(
     its weights (Kalman, J. Basic Eng. 86, 1964, 51-60), which other signs and orders seldom have. `margins` are
     those of the loop with its hardware.
     """
-    if plant.n_coordinates > _MOST_COORDINATES or not np.isfinite(gain).all():
+    if plant.n_coordinates > _MOST_COORDINATES or not (np.isfinite(gain).all() and gain.any()):
         return
     stable = _is_stable(plant, gain)
     if given and not (stable and _return_difference(plant, gain) > _NO_REGULATOR):
@@ -61,11 +61,9 @@ def gain_remarks(
         # Where our loop is not stable, that of the other sign is named in any case, and every one if none is sure.
         named = [] if stable else [_PUSHES] if any(others.values()) else [*others]
         fitting = [words for words, is_regulator in others.items() if is_regulator or words in named]
-        here, there = (
-            ("is no regulator", "is one") if stable else ("has an unstable loop", "has a stable one")
-        )
         if fitting:
-            yield _CONVENTION.remark(here, there, " or ".join(fitting))
+            found = ("is no regulator", "is one") if stable else ("has an unstable loop", "has a stable one")
+            yield _CONVENTION.remark(*found, " or ".join(fitting))
         elif not stable:
             yield _UNSTABLE.remark()
     if stable and margins is not None and not margins.stable:
@@ -88,8 +86,10 @@ def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
         orders["drifts of the storeys in place of displacements"] = (x @ drifts, v @ drifts)
     yield _PUSHES, -gain
     for words, columns in orders.items():
-        yield words, np.hstack(columns)
-        yield f"-K and {words}", -np.hstack(columns)
+        K = np.hstack(columns)
+        # Of one coordinate most orders are the same.
+        if not np.array_equal(K, gain):
+            yield from ((words, K), (f"-K and {words}", -K))
     for device, name in enumerate(plant.device_names if len(gain) > 1 else ()):
         signs = np.where(np.arange(len(gain)) == device, -1.0, 1.0)
         yield f"the other sign of {name} alone", signs[:, None] * gain
@@ -97,8 +97,9 @@ def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
 
 def _is_stable(plant: Plant, gain: Floats) -> bool:
     T = plant.scaling
-    loop = np.linalg.solve(T, (plant.A - plant.B @ gain) @ T)
-    return bool(np.linalg.eigvals(loop).real.max() < 0.0)
+    poles = np.linalg.eigvals(np.linalg.solve(T, (plant.A - plant.B @ gain) @ T))
+    # A mode without damping that no device moves is not the fault of a gain.
+    return bool(poles.real.max() < _ROUNDING * np.abs(poles).max())
 
 
 def _return_difference(plant: Plant, gain: Floats) -> float:
