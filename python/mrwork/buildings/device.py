@@ -209,7 +209,7 @@ class Device(Summarised):
             title=f"Device {self.name}: {self.spec.name}",
             facts=(
                 ("dampers", f"{self.count:g}{', and as many in opposition' if self.differential else ''}"),
-                ("command", f"0 to {self.largest_command:g}"),
+                ("command", f"{'force +-' if self.is_actuator else '0 to '}{self.largest_command:g}"),
                 ("draws", str(len(self.draws))),
                 ("tested", self.tested.in_words if self.tested else "not known"),
             ),
