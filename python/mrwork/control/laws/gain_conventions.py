@@ -12,13 +12,13 @@ from mrwork.base.values import Floats
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.linear.plant import Plant
 
-# Coordinates up to which the loops of other readings are looked at.
-_MOST_COORDINATES = 50
+# Coordinates times devices, or times four, up to which the loops of other readings are looked at, in a second.
+_MOST = 400
 # Least return difference of a regulator, but for the rounding of its gain, and one below which a gain is of none.
 _REGULATOR, _NO_REGULATOR = 0.995, 0.9
-_FREQUENCIES, _ROUNDING = 400, 1e-9
+_FREQUENCIES, _ROUNDING = 150, 1e-9
 # Places about each pole, in half widths of its resonance.
-_ABOUT = np.sinh(np.linspace(-5.0, 5.0, 41))
+_ABOUT = np.sinh(np.linspace(-4.0, 4.0, 15))
 
 _CONVENTION: Final = RemarkKind(
     "gain_convention",
@@ -47,9 +47,9 @@ def gain_remarks(
     A gain that is `given` may follow another convention. The one that is meant has a stable loop; that of a regulator
     with R in proportion to 1 has also a return difference `|1 + L|` of at least 1 at all frequencies, whatever
     its weights (Kalman, J. Basic Eng. 86, 1964, 51-60), which other signs and orders seldom have. `margins` are
-    those of the loop with its hardware.
+    those of the loop with its hardware. Beyond 100 coordinates, or 400 times the number of devices, there are none.
     """
-    if plant.n_coordinates > _MOST_COORDINATES or not (np.isfinite(gain).all() and gain.any()):
+    if plant.n_coordinates * max(plant.n_devices, 4) > _MOST or not (np.isfinite(gain).all() and gain.any()):
         return
     stable = _is_stable(plant, gain)
     if given and not (stable and _return_difference(plant, gain) > _NO_REGULATOR):
