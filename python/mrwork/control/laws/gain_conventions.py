@@ -47,7 +47,7 @@ def gain_remarks(
     A gain that is `given` may follow another convention. The one that is meant has a stable loop; that of a regulator
     with R in proportion to 1 has also a return difference `|1 + L|` of at least 1 at all frequencies, whatever
     its weights (Kalman, J. Basic Eng. 86, 1964, 51-60), which other signs and orders seldom have. `margins` are
-    those of the loop with its hardware. Beyond 100 coordinates, or 400 times the number of devices, there are none.
+    those of the loop with its hardware. Of 100 coordinates, or 400 coordinates times devices, and more there are none.
     """
     if plant.n_coordinates * max(plant.n_devices, 4) > _MOST or not (np.isfinite(gain).all() and gain.any()):
         return
