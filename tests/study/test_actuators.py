@@ -153,6 +153,7 @@ def test_a_file_with_an_actuator_is_read_again(tmp_path: Path) -> None:
         ([LQR], [ACTUATOR, {"storey": 2, "preset": "kwok2006"}], "a command to hold"),
         ([{**LQR, "largest_command": "0.1 A"}], [ACTUATOR], r"number \[N\] is expected"),
         ([{**LQR, "largest_command": "0.1 A"}], [{"storey": 1, "preset": "kwok2006"}], r"\[N\] is expected"),
+        ([{**LQR, "largest_command": 1.0}], [{"storey": 1, "preset": "kwok2006"}], "give it with its unit"),
         ([{**LQR, "command_slope": "1 A/s"}], [ACTUATOR], r"\[N/s\] is expected"),
         ([{**LQR, "largest_command": "30 kN"}], [{**ACTUATOR, "largest_force": 1e4}], "give 10000 at most"),
     ],

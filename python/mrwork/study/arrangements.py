@@ -164,11 +164,14 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> tuple
     """The problem with devices that get at most the command of a table, and the unit of the commands."""
     spec = None if controller.user or controller.law in CONSTANT_LAWS else control_law(controller.law)
     unit, shares = problem.devices[0].command_unit or "A", sends_shares(problem.devices)
+    available = largest_command(problem.devices)
     if unit != "N" and spec is not None and spec.commands_force:
         # Actuators replace the dampers, and the law has their limit; a wrong one is refused by its key here.
-        controller.command_in("largest_command", "N")
+        limit = controller.command_in("largest_command", "N")
+        if not isinstance(controller.largest_command, str) and limit is not None and limit <= available:
+            says = f"largest_command is {limit:g}, which is a command of the dampers, and {spec.name} sends forces"
+            raise InvalidSettingError("largest_command", f'{says}; give it with its unit, as "50 kN"')
         return problem, "N"
-    available = largest_command(problem.devices)
     limit = controller.command_in("largest_command", "1" if shares else unit)
     if limit is None:
         return problem, unit
