@@ -244,7 +244,9 @@ def _reaches(results: StudyResults) -> list[_Reach]:
     reaches, commanded = [], _commanded(results)
     numbers = results.quantities.numbers
     shears, forces = numbers["peak_base_shear"][..., 0], numbers["peak_force"][..., 0, :]
-    storeys = [damper.storey for damper in results.dampers]
+    # Beside actuators dampers are a part of what holds the building.
+    beside = any(damper.command_unit == "N" for damper in results.dampers)
+    storeys = [] if beside else [damper.storey for damper in results.dampers]
     for motion in results.judged_motions:
         shear, rows = float(shears[0, motion]), np.flatnonzero(commanded[:, motion])
         if shear > 0.0 and storeys and rows.size:

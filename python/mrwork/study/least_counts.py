@@ -252,7 +252,7 @@ def damper_counts(
             f"{name} is of the dampers; give a limit on the building, as peak_drift or peak_acceleration"
         )
     devices = commanded(study.devices)
-    if not devices or not devices[0].is_commanded:
+    if not devices or not devices[0].is_commanded or devices[0].is_actuator:
         raise SettingError("the study has no damper that follows a command; give a [[damper]]")
     trials = _Trials(study=study, criterion=name, limit=value, threads=threads, on_progress=on_progress)
     compared = [arrangement.row for arrangement in study.arrangements if arrangement.row.what.is_counted]

@@ -12,14 +12,13 @@ import numpy as np
 from mrwork.base.summary import named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
-from mrwork.buildings.device import Device
+from mrwork.buildings.device import Device, ideal_actuator
 from mrwork.buildings.yielding import with_factors
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, command_unit_of
 from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.realisations import Realisations, nominal
@@ -73,8 +72,7 @@ class LoopCase:
         law, hardware = self.arrangement.law, self.hardware
         assert law is not None
         if not devices:
-            spec, row = damper("dahl"), building.storeys[0]
-            devices = (Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0),)
+            devices = (ideal_actuator(name="none", row=building.storeys[0]),)
             law = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
             hardware = unobserved(hardware)
         return simulate_loop(

@@ -103,7 +103,7 @@ class DamperFacts:
             storey=building.storey_names.index(building.storey_name(storey)),
             tested=device.tested,
             share=float(stretch @ row / (row @ row)),
-            command_unit=spec.command_unit or "A",
+            command_unit=device.command_unit or "A",
         )
 
 

@@ -320,7 +320,7 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
             places = arrangement.places.get(quantity.axis)
             fill(name, columns if places is None else columns[:, places])
         # The command of an ideal actuator is a force, not a current.
-        elif columns is not None and not (name in _COMMANDS and commands_force(arrangement.law)):
+        elif columns is not None and not (name in _COMMANDS and commands_force(arrangement)):
             fill(name, columns[:, : len(dampers)], dampers)
     return runs
 
@@ -328,7 +328,7 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
 def knows_least_strokes(arrangement: Arrangement) -> bool:
     """Whether a damper's tested range has a least stroke, which small strokes leave."""
     return any(device.knows_least_stroke for device in arrangement.devices) and not commands_force(
-        arrangement.law
+        arrangement
     )
 
 

@@ -173,6 +173,12 @@ def sine_force(device: Device, amplitude: float, velocity: float, command: float
     It is the last of three cycles of a sinusoid at a constant command, from its middle on.
     """
     samples, unit = 400, device.spec.command_unit
+    if device.is_actuator:
+        if np.isinf(command):
+            raise SettingError(
+                f"{device.name} has no largest force, from which the law takes its budget; give it"
+            )
+        return np.full(samples, command)
 
     def force(sign: float) -> Floats:
         motion = sinusoid(

@@ -64,7 +64,7 @@ def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -
     return Lead(
         eyebrow="Control laws tuned, and the response of the building with them"
         if isinstance(results, TunedStudy)
-        else "Response of a building with MR dampers",
+        else f"Response of a building with {'actuators' if results.command_unit == 'N' else 'MR dampers'}",
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
