@@ -296,6 +296,10 @@ def test_of_two_matrices_that_differ_one_is_named_by_a_key(tmp_path: Path) -> No
     for name, matrix in {**WORKSPACE, "mass": np.eye(2)}.items():
         np.savetxt(tmp_path / "folder" / f"{name}.csv", matrix, delimiter=",")
     refusal(read_building, tmp_path / "folder", match='mass = "folder/M.csv"')
+    (tmp_path / "folder" / "mass.csv").rename(tmp_path / "folder" / "notes.csv")
+    assert "not used: 'notes.csv' (not read)" in read_building(tmp_path / "folder").source
+    (tmp_path / "folder" / "notes.csv").rename(tmp_path / "folder" / "M.txt")
+    refusal(read_building, tmp_path / "folder", match=r"has M\.(csv|txt) and M\.(csv|txt); keep one")
     savemat(tmp_path / "space.mat", {"A": A, "B": B, "M": np.eye(2), "mass": 2.0 * np.eye(2)})
     refusal(stated, 'system = "space.mat"', tmp_path, match="mass may be 'M' or 'mass'")
 

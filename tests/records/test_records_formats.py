@@ -363,6 +363,14 @@ def test_structs_objects_and_sparse_matrices_of_version_73_are_told(tmp_path: Pa
         np.testing.assert_array_equal(matrix, FULL)
 
 
+@pytest.mark.parametrize(
+    "text", ["# Created by Octave 8.4.0\n# name: K\n# type: matrix\n", " 1.0e+00 2.0e+00\n"]
+)
+def test_a_text_with_the_name_of_a_mat_file_is_no_damage(tmp_path: Path, text: str) -> None:
+    (tmp_path / "frame.mat").write_text(text)
+    refusal(read_matrices, tmp_path / "frame.mat", match="is a text.* `save -v7`")
+
+
 @pytest.mark.parametrize("length", [160, 200])
 def test_a_cut_file_is_refused(tmp_path: Path, length: int) -> None:
     path = tmp_path / "frame.mat"

@@ -145,6 +145,10 @@ def read_variables(path: Path, kind: FileKind = MATRIX, wanted: str | None = Non
         raise RecordError(f"{path}: the file is empty; a .mat file was expected")
     if data.startswith(_HDF5) or data[512:516] == _HDF5:
         return data, _of_only_struct(_version_73(data, path), wanted)
+    if min(data[:_V5_HEADER]) >= ord("\t"):
+        raise RecordError(
+            f"{path}: is a text, as Octave and `save -ascii` write; save it by `save -v7`, or name its numbers .txt"
+        )
     size, least = (0, _FOR_MATRICES) if kind is MATRIX else (len(data), LEAST)
     allowance = Allowance(path, size, least=least)
     # A version 4 file starts with a small integer, a version 5 file with text.

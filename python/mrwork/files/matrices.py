@@ -93,5 +93,11 @@ def read_contents(path: Path, names: Collection[str]) -> Variables:
     """Read what a .mat file has by name, or a folder with one text file per matrix in `names`."""
     if is_folder(path):
         files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
-        return {file.stem: read_matrix(file) for file in files if file.stem in names}
+        taken = {file.stem: file for file in files if file.stem in names}
+        others = {file.name: "not read" for file in files if file not in taken.values()}
+        if twice := [name for name in others if Path(name).stem in taken]:
+            raise RecordError(
+                f"{path}: has {taken[Path(twice[0]).stem].name} and {twice[0]}; keep one of them"
+            )
+        return {**{name: read_matrix(file) for name, file in taken.items()}, **others}
     return read_variables(path)[1]

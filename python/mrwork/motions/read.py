@@ -217,7 +217,8 @@ def _seconds(table: ColumnTable, time: str, source: str) -> Floats:
 
 def _listed(names: Sequence[str]) -> str:
     numbered = names == numbered_names(len(names))
-    return ", ".join(name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1))
+    columns = [name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1)]
+    return list_names(columns, _MOST_LISTED)
 
 
 def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
