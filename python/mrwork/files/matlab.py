@@ -65,6 +65,7 @@ _ENTRY: Final = 300
 # Names of classes in version 7.3, of which each type of integers has its own.
 _OTHERS_73: Final = {"char": "text", "cell": "a cell array", "function_handle": "a function"}
 _NUMBERS_73: Final = re.compile(r"double|single|logical|u?int\d+")
+_NO_NUMBERS_73: Final = {"MATLAB_empty", "MATLAB_object_decode"}
 # Levels of structs in structs of version 7.3.
 _DEPTH_73: Final = 5
 
@@ -85,8 +86,8 @@ def open_matlab(path: Path, column: str | None = None) -> ColumnTable:
         for name, array in variables.items()
         if isinstance(array, np.ndarray) and array.size == max(array.shape, default=0)
     }
-    inside = parts_of(column or "")[0] if column in vectors else ""
-    columns = {name: vector for name, vector in vectors.items() if parts_of(name)[0] == inside}
+    inside = column.rpartition(".")[0] if column in vectors else ""
+    columns = {name: vector for name, vector in vectors.items() if name.rpartition(".")[0] == inside}
     if max((vector.size for vector in columns.values()), default=0) < 2:
         columns = vectors
     matrices = [
@@ -107,15 +108,9 @@ def open_matlab(path: Path, column: str | None = None) -> ColumnTable:
     return VectorTable(
         source=str(path),
         sha256=hashlib.sha256(data).hexdigest(),
-        vectors={parts_of(name)[1] if inside else name: vector for name, vector in columns.items()},
+        vectors={name.removeprefix(f"{inside}."): vector for name, vector in columns.items()},
         unused=(f"variables {left_out}",) if left_out else (),
     )
-
-
-def parts_of(name: str) -> tuple[str, str]:
-    """Path of the struct that a variable is in, empty of one that is in none, and its name there."""
-    inside, _, own = name.rpartition(".")
-    return inside, own
 
 
 def describe_left_out(variables: Variables) -> str:
@@ -171,34 +166,32 @@ def _version_73(data: bytes, path: Path) -> Variables:
     members = members_of(data, path, name="version 7.3 .mat file", remedy=_DAMAGED, depth=_DEPTH_73)
     allowance = Allowance(path, 0, least=_FOR_MATRICES)
     variables: Variables = {}
-    within: str | None = None
+    within = "/"
     for label, member in members.items():
-        if not label or (within and label.startswith(within)):
+        if not label or label.startswith(within):
             continue
-        name, matlab_class = label.replace("/", "."), str(member.attributes.get("MATLAB_class", "double"))
-        within, is_number = None, _NUMBERS_73.fullmatch(matlab_class) is not None
-        if "MATLAB_empty" in member.attributes:
-            variables[name] = "empty"
-        elif member.is_group and "MATLAB_sparse" in member.attributes:
+        name, sparse_rows = label.replace("/", "."), member.attributes.get("MATLAB_sparse")
+        kind = str(member.attributes.get("MATLAB_class", "struct" if member.is_group else "double"))
+        is_number = _NUMBERS_73.fullmatch(kind) is not None
+        if sparse_rows is not None:
             within = f"{label}/"
             # One of zeros alone has neither items nor rows.
-            parts = [members.get(f"{within}{part}") for part in ("data", "ir", "jc")]
-            items, rows, starts = (
-                np.empty(0) if p is None or p.array is None else p.array.ravel() for p in parts
+            parts = (members.get(within + part) for part in ("data", "ir", "jc"))
+            items, *places = (
+                np.ravel([] if part is None or part.array is None else part.array) for part in parts
             )
+            rows, starts = (numbers.astype(np.int64) for numbers in places)
             with readable(path, "version 7.3 .mat file", _DAMAGED):
-                shape = int(member.attributes["MATLAB_sparse"]), starts.size - 1
-                columns = np.repeat(np.arange(shape[1]), np.diff(starts.astype(np.int64)).astype(np.int64))
-                variables[name] = _dense(items, rows.astype(np.int64), columns, shape, name, allowance)
-        elif member.is_group:
-            if matlab_class not in ("struct", "double"):
-                within, variables[name] = f"{label}/", f"an object of class {matlab_class}"
-        elif member.array is not None and is_number and "MATLAB_object_decode" not in member.attributes:
+                columns = np.repeat(np.arange(starts.size - 1), np.diff(starts))
+                shape = int(sparse_rows), starts.size - 1
+                variables[name] = _dense(items, rows, columns, shape, name, allowance)
+        elif member.array is not None and is_number and not member.attributes.keys() & _NO_NUMBERS_73:
             # MATLAB stores columns one after the other.
             variables[name] = member.array.T
-        else:
-            other = "no real numbers" if is_number else f"an object of class {matlab_class}"
-            variables[name] = _OTHERS_73.get(matlab_class, other)
+        elif not member.is_group or kind != "struct":
+            within = f"{label}/"
+            other = "no real numbers" if is_number else f"an object of class {kind}"
+            variables[name] = _OTHERS_73.get(kind, other)
     return variables
 
 

@@ -25,13 +25,7 @@ from mrwork.base.values import Floats
 from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
 from mrwork.files.delimited import DelimitedTable, read_text_bytes, split_lines
 from mrwork.files.layout import DECIMAL_COMMA, Layout, is_data, numbered_names, reads_as_float
-from mrwork.files.matlab import (
-    describe_left_out,
-    matrices_among,
-    open_matlab,
-    parts_of,
-    read_variables,
-)
+from mrwork.files.matlab import describe_left_out, matrices_among, open_matlab, read_variables
 from mrwork.files.named_columns import ColumnTable, VectorTable, find_column, unit_in_name, words_and_unit
 from mrwork.files.open_table import listed_files
 from mrwork.files.rounded_times import rounded_grid
@@ -192,19 +186,17 @@ def _time_for(
     name: str, times_of: Sequence[str], table: ColumnTable, dt: float | None, source: str
 ) -> str | None:
     """The column of the times of a column among those that look like time: as long, and with a step that is stated."""
-    is_stored = isinstance(table, VectorTable)
-    columns = {time: table.read([time])[time] for time in (name, *times_of) if is_stored or len(times_of) > 1}
-    if is_stored:
-        times_of = [time for time in times_of if columns[time].size == columns[name].size]
-    if len(times_of) > 1 and dt is not None:
+    if isinstance(table, VectorTable):
+        size = table.vectors[name].size
+        times_of = [time for time in times_of if table.vectors[time].size == size]
+    if len(times_of) > 1 and dt is None:
+        raise RecordError(
+            f"{source}: columns '{times_of[0]}' and '{times_of[1]}' both look like time; give the step as `dt`, or "
+            "rename one"
+        )
+    if dt is not None and len(times_of) > 1:
         steps = {time: float(np.diff(_seconds(table, time, source)).mean()) for time in times_of}
-        times_of = [min(steps, key=lambda time: abs(steps[time] - dt))]
-    for other in times_of[1:]:
-        if not np.array_equal(columns[other], columns[times_of[0]]):
-            raise RecordError(
-                f"{source}: columns '{times_of[0]}' and '{other}' both look like time, and differ; give the step as "
-                "`dt`, or rename one"
-            )
+        return min(steps, key=lambda time: abs(steps[time] - dt))
     return next(iter(times_of), None)
 
 
@@ -378,18 +370,20 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
         for name, matrix in matrices_among(variables).items()
         if 2 in matrix.shape and matrix.size >= 6
     }
-    if column in (None, "2"):
+    if column is None:
         pairs = {name: pair for name, pair in pairs.items() if runs_as_time(pair[0])}
-        vectors = {name: of for name, of in variables.items() if not isinstance(of, str) and of.size > 2}
-        named = [name for name in vectors if name not in pairs and _is_acceleration(parts_of(name)[1])]
-        candidates = [*pairs, *(named if column is None else ())]
+        vectors = (
+            name for name, of in variables.items() if not isinstance(of, str) and 2 < of.size == max(of.shape)
+        )
+        candidates = [*pairs, *(name for name in vectors if _is_acceleration(name.rpartition(".")[2]))]
         if len(candidates) > 1:
             listed = list_names([f"'{name}'" for name in candidates], _MOST_LISTED)
             raise RecordError(
                 f"{path}: variables {listed} may all be a ground motion; name one with `column`, as "
                 f'column="{candidates[0]}"'
             )
-        column = next((name for name in candidates if name in pairs or parts_of(name)[0]), column)
+        column = next((name for name in candidates if name in pairs or "." in name), None)
+    named = column
     if column in pairs:
         rows = dict(zip(("t_s", column), pairs[column], strict=True))
         others = describe_left_out({name: of for name, of in variables.items() if name != column})
@@ -398,12 +392,14 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     else:
         table = open_matlab(path, column)
         if column is not None:
-            own = parts_of(column)[1] if column in variables else column
+            own = column.rpartition(".")[2] if column in variables else column
             column = find_column(own, table.names, str(path))
-            if parts_of(column)[0]:
+            named = named if named in variables else column
+            if "." in column:
                 return read_matrix_motion(path, replace(stated, column=column))
     motion = _motion_of_table(table, replace(stated, column=column), path)
-    return replace(motion, source="; not used: ".join([motion.source, *table.unused]))
+    source = motion.source if named is None else f"'{named}' of {path.name}"
+    return replace(motion, source="; not used: ".join([source, *table.unused]))
 
 
 # Each format recognises its content; a table is the fallback and comes last.
