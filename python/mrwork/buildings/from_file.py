@@ -183,7 +183,6 @@ _ROWS: Final = ("floors", "storeys")
 _SHEAR: Final = ("masses", "stiffnesses", "storey_damping", "n_storeys")
 # Symbols used in papers.
 _LETTERS: Final = {"M": "mass", "C": "damping", "K": "stiffness", "r": "influence"}
-_NOT_USED: Final = "; not used: "
 _TITLES: Final = {**_LETTERS, **{title: title for title in (*_MATRICES, "influence", *_ROWS)}}
 
 
@@ -211,11 +210,10 @@ def _read(
     if real_path(path) in readers:
         raise InvalidSettingError((), f"{path} refers back to itself; name the file of another building")
     if is_folder(path) or path.suffix.lower() == ".mat":
-        table = BuildingTable(name=path.stem)
         with Place(origin=str(path)).prefix_errors():
-            given, left_out = _choose_matrices(read_contents(path, _TITLES), path, arrays)
-            table = replace(table, source=_NOT_USED.join(filter(None, [str(path), left_out])))
-            return _from_matrices({**_in_si(given, over), **arrays}, table, left_out).check()
+            given, source = _choose_matrices(read_contents(path, _TITLES), path, arrays)
+            table = BuildingTable(name=path.stem, source=source)
+            return _from_matrices({**_in_si(given, over), **arrays}, table).check()
     if path.suffix.lower() != ".toml":
         raise RecordError(
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
@@ -402,7 +400,7 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
             found = describe_left_out(contents) or "nothing"
             raise InvalidSettingError((), f"{path}: a state space needs A, and M or B; found {found}")
         rest = {name: content for name, content in contents.items() if name not in ("A", "B")}
-        given, left_out = _choose_matrices(
+        given, source = _choose_matrices(
             rest, path, {*_TITLES.values(), *arrays} - ({"mass"} - arrays.keys())
         )
         A = matrices["A"]
@@ -422,8 +420,7 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
     if "ground" in inputs and "influence" not in arrays:
         arrays["influence"] = -B[order[n:], inputs.index("ground")]
     shape: dict[str, Any] = {title: arrays[title] for title in ("influence", *_ROWS) if title in arrays}
-    source = table.source or _NOT_USED.join(filter(None, [str(path), left_out]))
-    built = partial(building_of, A, name=name, source=source, **shape)
+    built = partial(building_of, A, name=name, source=table.source or source, **shape)
     with keyed("system"):
         building = built(mass=mass)
     forces = [number for number, input_name in enumerate(inputs) if input_name != "ground"]
@@ -444,7 +441,7 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
 def _choose_matrices(
     contents: Variables, path: Path, instead: Collection[str]
 ) -> tuple[dict[str, Floats], str]:
-    """The matrices of a building in a file by title but `instead`, and the rest of its contents in words.
+    """The matrices of a building in a file by title but `instead`, and its name with the rest of its contents.
 
     A vector is no matrix of the building where a matrix has its other name. Of two that are not equal none is taken.
     """
@@ -466,17 +463,18 @@ def _choose_matrices(
                 f'{title} = "{of_file}"',
             )
         chosen |= dict.fromkeys([title], names[0]) if names else {}
-    left_out = {name: content for name, content in contents.items() if name not in chosen.values()}
-    return {title: matrices[name] for title, name in chosen.items()}, describe_left_out(left_out)
+    rest = describe_left_out({name: of for name, of in contents.items() if name not in chosen.values()})
+    source = f"{path}; not used: {rest}" if rest else str(path)
+    return {title: matrices[name] for title, name in chosen.items()}, source
 
 
-def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable, others: str = "") -> Building:
-    """The building of matrices by title; `others` is what else their file has."""
+def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:
+    """The building of matrices by title."""
     given: dict[str, Any] = dict(matrices)
     for title in ("mass", "stiffness"):
         if title not in given:
-            found = ", ".join(filter(None, [*matrices, others])) or "nothing"
-            sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}"
+            found = f"found {', '.join(matrices) or 'nothing'} in {table.source or 'the table'}"
+            sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); {found}"
             raise InvalidSettingError((), sentence)
     if "influence" in given:
         given["influence"] = given["influence"].ravel()
