@@ -284,7 +284,11 @@ def test_units_are_of_the_numbers_in_the_matrices(tmp_path: Path) -> None:
         refusal(stated, f'{written}units = "{units}"', match="as in 't, kN' or 't, N, mm'")
     refusal(stated, f'{SHEAR}units = "t, kN"', match="units goes with matrices")
     (tmp_path / "frame.toml").write_text(MATRICES)
-    refusal(stated, 'file = "frame.toml"\nunits = "t, kN"', tmp_path, match="state them there")
+    refusal(
+        stated, 'file = "frame.toml"\nunits = "t, kN"', tmp_path, match="state them where the matrices stand"
+    )
+    table = BuildingTable(file=frame(), units="t, kN")
+    refusal(table.build, match="state them where the matrices stand")
 
 
 def test_of_two_matrices_that_differ_one_is_named_by_a_key(tmp_path: Path) -> None:

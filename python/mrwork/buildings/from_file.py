@@ -219,10 +219,6 @@ def _read(
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
             "save it as one of these"
         )
-    if over.units:
-        raise InvalidSettingError(
-            "units", f"units are of matrices, and {path.name} is a table; state them there"
-        )
     text = text_of(path, TOML)
     try:
         document = tomllib.loads(text)
@@ -273,6 +269,11 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _from_system(table, folder)
         else:
             arrays = _arrays(table, folder)
+            in_si = isinstance(table.file, Building) or Path(table.file or "").suffix.lower() == ".toml"
+            if table.units and in_si and not arrays:
+                raise InvalidSettingError(
+                    "units", "units are of matrices; state them where the matrices stand"
+                )
             with keyed(form):
                 if table.published is not None:
                     built = published_building(table.published)
