@@ -248,6 +248,7 @@ def test_forces_are_said_by_storey_and_the_base_has_those_of_the_first(results: 
     assert f"{forces[0]:.3g} kN in storey 1" in said
     assert f"{forces[1]:.3g} kN in storey 2; on the base {forces[0]:.3g} kN, " in said
     assert f"{100.0 * forces[0] / bare:.2g} % of the peak base shear" in said
+    assert f" kN, {results.building.total_mass:,.10g} kg), under" in said
 
 
 def test_dampers_that_stand_in_one_storey_add_there(results: StudyResults) -> None:

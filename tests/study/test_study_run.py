@@ -25,6 +25,7 @@ from mrwork.plots.of_studies import energy_parts
 from mrwork.study import Study, StudyResults, read_study, run_study
 from mrwork.study.comparison import results_in_words
 from mrwork.study.histories import RunHistory
+from mrwork.study.reading import read_bare_building
 from mrwork.study.storeys import storey_remarks
 
 # Two motions, four arrangements.
@@ -298,6 +299,13 @@ def test_the_verb_prints_its_building_without_reading_the_rest(tmp_path: Path) -
     document = json.loads(printed("respond", path, "--building", "--json"))
     assert document["periods"][0] == pytest.approx(1.0 / 3.0, rel=1e-3)
     assert sum(document["effective_masses"]) == pytest.approx(1657.0)
+
+
+def test_the_verb_prints_no_building_of_a_study_with_an_unknown_table(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text('[building]\npublished = "uts"\n[[wind]]\nspeed = 30\n[[motions]]\nfile = "a.csv"\n')
+    refusal(read_bare_building, path, match="line 3: the study has no key 'wind'")
+    refusal(read_bare_building, path, match="line 5: .* 'motions', did you mean motion")
 
 
 def test_what_cannot_be_run_is_one_sentence(refused: Refused) -> None:

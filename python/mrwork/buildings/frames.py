@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -23,7 +24,7 @@ from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.buildings.passive_element import PassiveElement, transform_elements
 from mrwork.buildings.plane_building import Building, source_with
 from mrwork.buildings.structure import Status
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, UnknownNameError
 
 Storey = Annotated[int | str, Says("number of the storey from 1, or its name")]
 Floor = Annotated[int | str, Says("number of the floor from 1, or its name")]
@@ -187,6 +188,11 @@ def building(name: str) -> Building:
     [5.46, 15.81, 23.64]
     """
     frames = {building.name: building for building in buildings()}
+    if Path(name).suffix and name not in frames:
+        raise UnknownNameError(
+            f"no published building is called {name!r}; a file is read by mr.buildings.read_building({name!r}), and by "
+            f'a study as [building] file = "{name}"'
+        )
     check_known(name, frames, f"no published building is called {name!r}")
     return frames[name]
 

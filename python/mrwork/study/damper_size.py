@@ -106,7 +106,7 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     return (
         f"The dampers reach {list_names(by_storey, _NAMED)}{largest if len(by_storey) > 1 else ''}, "
         f"{' to '.join(shares)} % of the peak base shear of the building without them "
-        f"({round_to(1e-3 * most.shear, 3):g} kN), under {under}.",
+        f"({round_to(1e-3 * most.shear, 3):g} kN, {round_to(results.building.total_mass, 3):,.10g} kg), under {under}.",
     )
 
 

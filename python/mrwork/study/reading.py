@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.base.documents import read_table
-from mrwork.base.keys import Arguments, check_known, given_in
+from mrwork.base.documents import given_values, read_table
+from mrwork.base.keys import Arguments, check_known, given_in, keys_of
 from mrwork.base.numbers import in_newtons, of_unit, significant
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.remark import Remark
@@ -66,12 +66,14 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
 
 
 def read_bare_building(path: str | Path) -> Building:
-    """The building of a study file without its dampers, whatever else the file has."""
+    """The building of a study file without its dampers; of the other tables only the names are read."""
     path = Path(path)
     _, document, place = document_in(path)
     if not isinstance(document.get("building"), dict):
         place.refuse("the study has no [building]; give one")
-    table = read_table(BuildingTable, document["building"], place.within("building"))
+    others = {entry.name_in_file for entry in keys_of(StudyTable)} - {"building"}
+    rest = {name: value for name, value in document.items() if name not in others}
+    table: BuildingTable = given_values(StudyTable, rest, place)["building"]
     with place.within("building").prefix_errors(SettingError):
         return table.build(path.parent / str(document.get("folder", "")))
 

@@ -113,7 +113,8 @@ class BuildingFacts:
 
     `heights` belong to the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
     weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0. `passive` are the
-    passive devices, and `passive_storeys` the storeys that such devices stand across.
+    passive devices, and `passive_storeys` the storeys that such devices stand across; `total_mass` moves with the
+    ground [kg].
 
     There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix.
     """
@@ -129,6 +130,7 @@ class BuildingFacts:
     drift_limit: float = 0.0
     passive: tuple[str, ...] = ()
     passive_storeys: tuple[int, ...] = ()
+    total_mass: float = 0.0
 
     @property
     def scales(self) -> Scales:
@@ -157,6 +159,7 @@ class BuildingFacts:
             name=building.name,
             **{name: tuple(array.tolist()) for name, array in numbers.items()},
             drift_limit=building.drift_limit,
+            total_mass=building.total_mass,
             passive=tuple(device.name for device in devices),
             passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
         )
