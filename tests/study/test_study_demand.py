@@ -253,7 +253,7 @@ def test_forces_are_said_by_storey_and_the_base_has_those_of_the_first(results: 
 def test_dampers_that_stand_in_one_storey_add_there(results: StudyResults) -> None:
     """Beside each other they share the drift, so that their forces add."""
     first, second = results.dampers
-    beside = replace(results, dampers=(first, replace(second, storey=0)))
+    beside = replace(results, dampers=(first, replace(second, storey=0, place=first.place)))
     row = results.row_of("passive_off")
     assert row is not None
     together = float(np.sum(results.quantities.peak_force[row, 0, 0][:2])) / 1e3

@@ -44,12 +44,12 @@ class Scales(Summarised):
     @staticmethod
     def of(building: Building) -> Scales:
         """The scales of a building without dampers."""
-        drifts = len(building.drifts)
         return Scales(
             weight=building.total_mass * STANDARD_GRAVITY,
-            heights=building.drift_heights,
-            yield_drifts=building.yield_drifts[:drifts],
-            loads=building.loads[:drifts],
+            **{
+                name: building.of_drifts(getattr(building, name))
+                for name in ("heights", "yield_drifts", "loads")
+            },
         )
 
     @staticmethod

@@ -98,8 +98,9 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     under = results.motions[most.motion].name
     if len(reaches) > 1:
         under = f"{counted(len(reaches), 'motion')}, most under {under}"
+    names = {damper.storey: damper.place or f"storey {damper.storey + 1}" for damper in results.dampers}
     by_storey = [
-        f"{round_to(1e-3 * force, 3):g} kN in {results.quantities.axes['storey'][storey]}"
+        f"{round_to(1e-3 * force, 3):g} kN in {names[storey]}"
         for storey, force in sorted(most.forces.items())
     ]
     largest = f"; {'on the base' if 0 in most.forces else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
@@ -226,10 +227,12 @@ def _commanded(results: StudyResults) -> NDArray[np.bool_]:
 def _fewer(results: StudyResults, study: Study, number: int, motion: int) -> str:
     """How many dampers have a tenth of the base shear at the drift without dampers."""
     bare, device, damper = results.quantities.at(0, motion), study.devices[number], results.dampers[number]
-    # The building without dampers has no storey of what was built in, such as a tuned mass.
-    if not results.finished_under(0, (motion,)) or damper.storey >= len(bare["peak_drift"]):
+    axes = results.quantities.axes
+    name, axis = ("peak_drift", "storey") if damper.place in axes["storey"] else ("peak_stroke", "device")
+    # An older run folder has no places, and the drift of what was built in without a stroke is not known.
+    if not results.finished_under(0, (motion,)) or damper.place not in axes[axis]:
         return "take fewer or smaller dampers"
-    drift = damper.share * float(bare["peak_drift"][damper.storey])
+    drift = damper.share * float(bare[name][axes[axis].index(damper.place)])
     rate = 2.0 * math.pi * float(study.building.frequencies[0]) * drift
     force = damper.share * float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
     count = device.count * _ADVISED * float(bare["peak_base_shear"]) / force

@@ -100,12 +100,14 @@ class LoopCase:
         largest_commands: Floats | None = None,
         shaping: Floats | None = None,
         changes: Floats | None = None,
+        dampers_only: bool = False,
     ) -> Runs:
         """Criteria of the candidates of the law, with realisations or once.
 
         `largest_commands` and `shaping` belong to the candidates, see `simulate_loop`. With `changes` of the gains of
         one law, two candidates for each follow it, whose responses are moved by `REACH` along the slopes and against.
-        Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own.
+        Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own. With
+        `dampers_only` the peak stroke is that of the dampers, also where isolators have one.
         """
         arrangement, devices = self.arrangement, self.arrangement.devices
         realisations = nominal(devices) if self.realisations is None else self.realisations
@@ -116,7 +118,12 @@ class LoopCase:
                     self,
                     realisations=realisations.alone(index),
                     on_block=self.on_block and partial(_count_on, self.on_block, index, count),
-                ).criteria(largest_commands=largest_commands, shaping=shaping, changes=changes)
+                ).criteria(
+                    largest_commands=largest_commands,
+                    shaping=shaping,
+                    changes=changes,
+                    dampers_only=dampers_only,
+                )
                 for index in range(count)
             ]
             return reduce(Runs.beside, calls).with_labels("realisation", numbered(count))
@@ -139,6 +146,9 @@ class LoopCase:
         if changes is not None:
             responses = _beside(responses)
         runs = runs_of(responses, arrangement, candidate_axes(responses.shape[0], self.motions, count))
+        if dampers_only:
+            strokes = runs.numbers["peak_stroke"][..., : len(devices)]
+            runs = replace(runs, numbers={**runs.numbers, "peak_stroke": strokes})
         return runs.criteria(scales_of(arrangement), command_unit_of(devices))
 
 
@@ -174,13 +184,18 @@ def _beside(responses: Responses) -> Responses:
 
 
 def scales_of(arrangement: Arrangement) -> Scales:
-    """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change."""
+    """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change.
+
+    The weight is that of the building without dampers, and on isolators with their slab.
+    """
+    adds_slab = arrangement.building.isolates.any() and not arrangement.bare.isolates.any()
+    weighed = arrangement.building if adds_slab else arrangement.bare
     arrays, storeys = (
         named(arrangement.building, "heights", "yield_drifts", "loads"),
         arrangement.places["storey"],
     )
     of_storeys = {name: array[storeys] if array.size else array for name, array in arrays.items()}
-    return Scales(weight=Scales.of(arrangement.bare).weight, **of_storeys)
+    return Scales(weight=Scales.of(weighed).weight, **of_storeys)
 
 
 def vary_building(arrangement: Arrangement, stiffness: float, damping: float) -> Building:
@@ -192,12 +207,13 @@ def vary_building(arrangement: Arrangement, stiffness: float, damping: float) ->
     if stiffness == 1.0 and damping == 1.0:
         return arrangement.building
     building, bare = arrangement.building, arrangement.bare
-    drifts = bare.drifts
+    drifts = bare.chain
     if building.n_coordinates == bare.n_coordinates:
         back: Floats = np.eye(bare.n_coordinates)
     elif drifts.shape[0] == bare.n_coordinates and np.linalg.matrix_rank(drifts) == bare.n_coordinates:
+        places = [*map(building.storey_names.index, bare.storey_names[: len(drifts)])]
         # Displacements of the bare building relative to its base, from its drifts within the arrangement.
-        back = np.asarray(np.linalg.solve(drifts, building.storeys[arrangement.places["storey"]]))
+        back = np.asarray(np.linalg.solve(drifts, building.storeys[places]))
     else:
         raise SettingError(
             f"{building.name}: stiffness and damping of the building cannot be told from what additions have of "

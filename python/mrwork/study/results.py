@@ -76,7 +76,8 @@ _BEST_PASSIVE_MISSING: Final = RemarkKind(
 class DamperFacts:
     """Dampers at one place: name, model with its laws, how many, largest command, their storey, tested ranges.
 
-    The drift times `share`, the cosine of their angle, stretches them, and so much of their force is along it.
+    `place` is the name of the storey, which may be of isolators. The drift times `share`, the cosine of their angle,
+    stretches them, and so much of their force is along it.
     """
 
     name: str
@@ -87,6 +88,7 @@ class DamperFacts:
     tested: OperatingRange | None
     share: float = 1.0
     command_unit: str = "A"
+    place: str = ""
 
     @staticmethod
     def of(device: Device, building: Building, storey: int | str) -> DamperFacts:
@@ -104,6 +106,7 @@ class DamperFacts:
             tested=device.tested,
             share=float(stretch @ row / (row @ row)),
             command_unit=spec.command_unit or "A",
+            place=building.storey_name(storey),
         )
 
 
@@ -146,7 +149,7 @@ class BuildingFacts:
     def of(building: Building) -> BuildingFacts:
         """The facts of a building without dampers."""
         devices = [element for element in building.elements if not element.in_stiffness]
-        across = (np.flatnonzero((building.drifts == device.row).all(axis=1)).tolist() for device in devices)
+        across = (np.flatnonzero((building.chain == device.row).all(axis=1)).tolist() for device in devices)
         numbers = {
             "masses": np.diag(building.mass),
             "stiffnesses": building.storey_stiffnesses,

@@ -232,7 +232,10 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     # With additions there are more masses than storeys.
     if len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
         return
-    dampers = [f"{format_fixed(damper.count, 0)} in storey {damper.storey + 1}" for damper in results.dampers]
+    dampers = [
+        f"{format_fixed(damper.count, 0)} in {damper.place or f'storey {damper.storey + 1}'}"
+        for damper in results.dampers
+    ]
     dampers += facts.passive
     figure, axes = small_axes()
     axes.set_position((0.02, 0.02, 0.96, 0.94))
