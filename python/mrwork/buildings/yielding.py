@@ -215,8 +215,8 @@ class Pushover(Plotted, Summarised):
             Column("", "roof", "mm", of=(1e3 * self.roof).item),
             Column("", "over height", "%", shown=3, of=over_height.item),
             Column("", "base shear", "kN", of=(self.base_shear / 1e3).item),
-            Column("", "largest drift", "mm", of=(1e3 * self.drifts.max(axis=1)).item),
-            Column("", "in storey", of=(1 + self.drifts.argmax(axis=1)).item),
+            Column("", "largest drift", "mm", of=(1e3 * np.abs(self.drifts).max(axis=1)).item),
+            Column("", "in storey", of=(1 + np.abs(self.drifts).argmax(axis=1)).item),
         )
         return Summary(
             title=f"Pushover of {self.name}, forces as {self.pattern}",

@@ -76,8 +76,9 @@ _BEST_PASSIVE_MISSING: Final = RemarkKind(
 class DamperFacts:
     """Dampers at one place: name, model with its laws, how many, largest command, their storey, tested ranges.
 
-    `place` is the name of the storey, which may be of isolators. The drift times `share`, the cosine of their angle,
-    stretches them, and so much of their force is along it.
+    `place` is the name of the storey, which may be of isolators, and stands `on_ground` or on a floor. The drift times
+    `share`, the cosine of their angle, stretches them, and so much of their force is along the motion of the ground,
+    whichever way they face. It is 0 of dampers that only turn a plan.
     """
 
     name: str
@@ -89,6 +90,7 @@ class DamperFacts:
     share: float = 1.0
     command_unit: str = "A"
     place: str = ""
+    on_ground: bool = False
 
     @staticmethod
     def of(device: Device, building: Building, storey: int | str) -> DamperFacts:
@@ -104,10 +106,24 @@ class DamperFacts:
             largest_command=device.largest_command,
             storey=building.storey_names.index(building.storey_name(storey)),
             tested=device.tested,
-            share=float(stretch @ row / (row @ row)),
+            share=_share_along(building.influence, row, stretch),
             command_unit=spec.command_unit or "A",
             place=building.storey_name(storey),
+            on_ground=bool(row @ building.influence),
         )
+
+
+def _share_along(influence: Floats, row: Floats, stretch: Floats) -> float:
+    """Force of a damper along the motion of the ground over its force, of its `stretch` and the `row` of its storey.
+
+    On the ground it is the force on all coordinates together, between floors that in the direction of their storey;
+    rotations have no part in it.
+    """
+    if row @ influence:
+        return abs(float(stretch @ influence))
+    moved = np.where(influence != 0.0, row, 0.0)
+    moved = moved if moved.any() else row
+    return abs(float(stretch @ moved / (moved @ moved)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
