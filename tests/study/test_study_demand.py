@@ -363,5 +363,7 @@ def test_dampers_of_two_frames_that_stand_on_the_ground_add_on_the_base() -> Non
 def test_dampers_that_turn_a_plan_have_no_share_of_the_base_shear() -> None:
     turning = with_row(PLAN, [0.0, 10.0], 3)
     assert turning.dampers[0].share == 0.0
+    # A moment of inertia is no mass.
+    assert turning.building.mass == 4e4
     assert shares_in_words(turning) == ()
     assert not [remark for remark in turning.remarks if "base shear" in remark.message]

@@ -46,10 +46,9 @@ class Scales(Summarised):
         """The scales of a building without dampers."""
         return Scales(
             weight=building.total_mass * STANDARD_GRAVITY,
-            **{
-                name: building.of_drifts(getattr(building, name))
-                for name in ("heights", "yield_drifts", "loads")
-            },
+            heights=building.drift_heights,
+            yield_drifts=building.of_drifts(building.yield_drifts),
+            loads=building.of_drifts(building.loads),
         )
 
     @staticmethod

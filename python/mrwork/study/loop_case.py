@@ -39,7 +39,10 @@ def unobserved(hardware: Hardware) -> Hardware:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopCase:
-    """An arrangement under motions, with hardware, and realisations or none: what a study or a tuning simulates."""
+    """An arrangement under motions, with hardware, and realisations or none: what a study or a tuning simulates.
+
+    With `dampers_only` its peak stroke is that of dampers, also where isolators have one.
+    """
 
     arrangement: Arrangement
     motions: Sequence[GroundMotion]
@@ -47,6 +50,7 @@ class LoopCase:
     realisations: Realisations | None = None
     threads: int = 0
     on_block: OnBlock | None = None
+    dampers_only: bool = False
 
     def under(self, law: StudyLaw | None, devices: Sequence[Device] = ()) -> LoopCase:
         """The case under a law, perhaps with other devices in the places of the own ones."""
@@ -100,14 +104,12 @@ class LoopCase:
         largest_commands: Floats | None = None,
         shaping: Floats | None = None,
         changes: Floats | None = None,
-        dampers_only: bool = False,
     ) -> Runs:
         """Criteria of the candidates of the law, with realisations or once.
 
         `largest_commands` and `shaping` belong to the candidates, see `simulate_loop`. With `changes` of the gains of
         one law, two candidates for each follow it, whose responses are moved by `REACH` along the slopes and against.
-        Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own. With
-        `dampers_only` the peak stroke is that of the dampers, also where isolators have one.
+        Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own.
         """
         arrangement, devices = self.arrangement, self.arrangement.devices
         realisations = nominal(devices) if self.realisations is None else self.realisations
@@ -118,12 +120,7 @@ class LoopCase:
                     self,
                     realisations=realisations.alone(index),
                     on_block=self.on_block and partial(_count_on, self.on_block, index, count),
-                ).criteria(
-                    largest_commands=largest_commands,
-                    shaping=shaping,
-                    changes=changes,
-                    dampers_only=dampers_only,
-                )
+                ).criteria(largest_commands=largest_commands, shaping=shaping, changes=changes)
                 for index in range(count)
             ]
             return reduce(Runs.beside, calls).with_labels("realisation", numbered(count))
@@ -146,7 +143,7 @@ class LoopCase:
         if changes is not None:
             responses = _beside(responses)
         runs = runs_of(responses, arrangement, candidate_axes(responses.shape[0], self.motions, count))
-        if dampers_only:
+        if self.dampers_only:
             strokes = runs.numbers["peak_stroke"][..., : len(devices)]
             runs = replace(runs, numbers={**runs.numbers, "peak_stroke": strokes})
         return runs.criteria(scales_of(arrangement), command_unit_of(devices))

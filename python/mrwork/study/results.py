@@ -134,7 +134,8 @@ class BuildingFacts:
     weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0. `passive` are the
     passive devices, and `passive_storeys` the storeys that such devices stand across.
 
-    There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix.
+    There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix, with
+    moments of inertia; `mass` is that of the whole [kg].
     """
 
     name: str
@@ -148,12 +149,13 @@ class BuildingFacts:
     drift_limit: float = 0.0
     passive: tuple[str, ...] = ()
     passive_storeys: tuple[int, ...] = ()
+    mass: float = 0.0
 
     @property
     def scales(self) -> Scales:
         """What criteria are divided by."""
         arrays = named(self, "heights", "yield_drifts", "loads").items()
-        weight = sum(self.masses) * STANDARD_GRAVITY
+        weight = (self.mass or sum(self.masses)) * STANDARD_GRAVITY
         return Scales(weight=weight, **{name: np.array(array) for name, array in arrays})
 
     @property
@@ -176,6 +178,7 @@ class BuildingFacts:
             name=building.name,
             **{name: tuple(array.tolist()) for name, array in numbers.items()},
             drift_limit=building.drift_limit,
+            mass=building.total_mass,
             passive=tuple(device.name for device in devices),
             passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
         )

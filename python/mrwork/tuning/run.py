@@ -188,7 +188,7 @@ def _plan(
     off, on = (benches[0].baselines[kind] for kind in ("passive_off", "passive"))
     if study.building.isolates.any():
         # Of the dampers, not of the isolators.
-        off = case.under(constant_share(study.devices, 0.0)).criteria(dampers_only=True)
+        off = replace(case, dampers_only=True).under(constant_share(study.devices, 0.0)).criteria()
     magnitudes = magnitudes_of_runs(study.building, study.chosen_on, off, on, study.devices)
     chooses = any(SETTINGS[law].chooses_levels for table in tables for law in table.laws)
     if chooses and study.problem.reference_peaks is not None:
