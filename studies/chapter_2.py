@@ -77,7 +77,7 @@ def actuator(building: mr.Building, storey: str) -> mr.Device:
 
 # %% The families, each with the settings that are tried: its group, and settings, building, device and law.
 LIQUID: Any = {"floor": "floor 5", "mass_ratio": 0.02, "width_ratio": 0.7}
-BEARINGS: Any = {"mass": 330.0, "period": 2.0, "ratio": 0.02, "yield_displacement": 5e-3}
+BEARINGS: Any = {"mass": 330.0, "period": 2.0, "ratio": 0.02, "yield_displacement": 5e-3, "sharpness": 2.0}
 STOREY, ISOLATION, MASS, COLUMN = "storey 1", "isolation", "tuned mass", "liquid column"
 families: dict[str, Any] = {}
 

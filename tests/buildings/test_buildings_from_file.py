@@ -320,7 +320,7 @@ def test_heights_are_those_of_storeys_and_of_no_addition() -> None:
     built = stated(f"{SHEAR}heights = [4.0, 3.0]\n{isolation}{brace}")
     assert built.storey_names == ("isolation", "storey 1", "storey 2", "damper in isolation")
     assert built.heights.tolist() == [0.0, 4.0, 3.0, 0.0]
-    assert built.drift_heights.tolist() == [0.0, 4.0, 3.0]
+    assert built.drift_heights.tolist() == [4.0, 3.0]
     refusal(stated, f"{SHEAR}height = 3500", match="3500 m, which is beyond any storey")
     refusal(stated, f"{SHEAR}heights = [3.0]", match="1 number for 2 storeys")
 

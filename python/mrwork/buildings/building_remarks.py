@@ -68,11 +68,11 @@ _STIFF_MODE: Final = RemarkKind(
 
 def _mode_remarks(building: Structure, modes: Modes) -> Iterator[Remark]:
     """Remarks on periods, on a part that is softer than its frame, on stiff coordinates without mass, on damping."""
-    omega, shapes, storeys = modes.omega, modes.shapes, len(building.drifts) or 1
+    omega, shapes, storeys = modes.omega, modes.shapes, len(building.chain) or 1
     shares, frequency = modes.effective_masses / building.total_mass, omega / (2.0 * np.pi)
     moved = np.abs(building.floors @ shapes[:, 0]).max(initial=0.0)
     # A frame on isolators moves as a whole in its first mode, and bends in the second.
-    isolated = storeys > 1 and abs(building.drifts[0] @ shapes[:, 0]) > _RIGID * moved
+    isolated = storeys > 1 and abs(building.chain[0] @ shapes[:, 0]) > _RIGID * moved
     mode = int(isolated and float(modes.periods[0]) <= _ISOLATED)
     period = float(modes.periods[mode])
     longest = _ISOLATED if isolated else _LONGEST[0] + _LONGEST[1] * storeys
@@ -169,8 +169,8 @@ _FLOORS_LIGHT: Final = RemarkKind(
 
 def _storey_remarks(building: Structure, modes: Modes) -> Iterator[Remark]:
     """Remarks on heights, drifts, strengths and passive devices, beside weight and modes."""
-    heights, weight = building.drift_heights, building.total_mass * STANDARD_GRAVITY
-    real, drifts = heights[heights > 0.0], building.yield_drifts[: len(building.drifts)]
+    heights, weight = building.heights[: len(building.chain)], building.total_mass * STANDARD_GRAVITY
+    real, drifts = heights[heights > 0.0], building.yield_drifts[: len(building.chain)]
     numbers = [("the height of a storey", height, (0.05, 25.0), "m") for height in (*real[:1], *real[-1:])]
     if building.drift_limit:
         numbers.append(("drift_limit", building.drift_limit, DRIFT_RATIOS, "1"))
@@ -197,7 +197,7 @@ def _storey_remarks(building: Structure, modes: Modes) -> Iterator[Remark]:
     springs = building.storey_stiffnesses
     ordinary = float(np.sort(springs)[(springs.size - 1) // 2]) if springs.size else np.inf
     if springs.max(initial=0.0) > _STIFFER * ordinary:
-        words = building.name, building.drift_names[int(springs.argmax())]
+        words = building.name, building.storey_names[int(springs.argmax())]
         yield _STOREY_STIFF.remark(*words, measured=Measured(float(springs.max()), "N/m"), ordinary=ordinary)
     heaviest = float(np.diag(building.mass).max())
     if real.size and real.min() > _HUMAN and heaviest < _LEAST_FLOOR:

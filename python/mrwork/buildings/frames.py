@@ -421,7 +421,7 @@ def with_base_isolation(
 
     The displacement u of the slab relative to the ground is a new first coordinate. The building stands on the slab, so
     `q - r u` replaces q in its forces. The slab becomes the lowest floor, "base", and the isolators the lowest storey,
-    "isolation".
+    "isolation", which has a stroke and no drift.
     """
     if "isolation" in building.storey_names:
         raise SettingError(
@@ -442,6 +442,7 @@ def with_base_isolation(
         storeys=np.vstack([slab, building.storeys @ relative]),
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
+        isolators=("isolation", *building.isolators),
         heights=np.append([0.0] * bool(building.heights.size), building.heights),
         loads=np.append([0.0] * bool(building.loads.size), building.loads),
         elements=transform_elements(building.elements, relative),

@@ -115,6 +115,9 @@ class BuildingTable:
     n_strokes: int | None = optional(
         "number of last rows of storeys that are strokes of what is built in, no drifts", least=0
     )
+    isolators: _Names | None = optional(
+        "names of storeys that are isolators, as those of height 0 are, whose displacements are strokes and no drifts"
+    )
     height: float | None = positive("height of every storey, of which drift ratios are shares", unit="m")
     heights: _Numbers | None = optional(
         "heights of the storeys, lowest first, 0 where there is no storey, as of isolators",
@@ -323,7 +326,8 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
         )
     strokes = np.zeros(len(building.storeys) - count)
     stated: dict[str, Any] = {
-        **named(table, "name", "source", "floor_names", "storey_names", "n_strokes", "drift_limit"),
+        **named(table, "name", "source", "floor_names", "storey_names", "n_strokes", "isolators"),
+        **named(table, "drift_limit"),
         "elements": (*building.elements, *elements),
         "heights": None if heights is None else np.append(heights, strokes),
         "loads": None if table.loads is None else np.append(table.loads, strokes),

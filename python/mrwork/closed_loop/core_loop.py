@@ -299,6 +299,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
         storeys=building.drifts,
         storey_names=building.drift_names,
         heights=building.drift_heights,
+        isolators=(),
         loads=np.empty(0),
         n_strokes=0,
     )

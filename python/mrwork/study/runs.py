@@ -356,7 +356,7 @@ def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:
     groups = [_device_labels(arrangement) for arrangement in arrangements]
     devices = dict.fromkeys(name for kind in zip(*groups, strict=True) for labels in kind for name in labels)
     bare = arrangements[0].bare
-    return {"floor": bare.floor_names, "storey": bare.drift_names, "device": tuple(devices)}
+    return {"floor": bare.frame_floors, "storey": bare.drift_names, "device": tuple(devices)}
 
 
 def numbered(count: int) -> tuple[str, ...]:

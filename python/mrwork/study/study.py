@@ -196,17 +196,17 @@ class Arrangement:
 
     @cached_property
     def places(self) -> Mapping[str, list[int]]:
-        """Indices of every floor and storey of the bare building."""
+        """Indices of every floor and storey of the bare building, without isolators and their slab."""
         return {
-            "floor": [*map(self.building.floor_names.index, self.bare.floor_names)],
+            "floor": [*map(self.building.floor_names.index, self.bare.frame_floors)],
             "storey": [*map(self.building.storey_names.index, self.bare.drift_names)],
         }
 
     @property
     def strokes(self) -> list[int]:
-        """Indices of added storeys without devices, such as isolators, which have a stroke, too."""
-        added = set(range(len(self.building.storeys))).difference(self.places["storey"])
-        return [] if self.devices else sorted(added)
+        """Indices of isolators, and without devices of what else was added, which have a stroke, too."""
+        added = sorted(set(range(len(self.building.storeys))).difference(self.places["storey"]))
+        return [index for index in added if not self.devices or self.building.isolates[index]]
 
     @property
     def passive_devices(self) -> list[int]:

@@ -116,8 +116,7 @@ class LimitedOutputs:
 
 
 def _drifts_without_strokes(plant: Plant) -> Outputs:
-    every = drifts(plant)
-    return every.select(every.names[: len(plant.building.drifts)])
+    return drifts(plant).select([f"drift {name}" for name in plant.building.drift_names])
 
 
 def _forces(plant: Plant) -> Outputs:
