@@ -20,7 +20,7 @@ from mrwork import buildings
 script = Script(__file__, __doc__, quick="few settings, one short synthetic motion")
 
 # %% The frame, and the motions that choose settings and that judge them.
-FRAME, static_hysteretic, dahl = mr.building("uts"), mr.damper("static_hysteretic"), mr.damper("dahl")
+FRAME, static_hysteretic = mr.building("uts"), mr.damper("static_hysteretic")
 DRIVER_RATE, LARGEST_CURRENT = 190.0, 1.88  # 1/s, A
 WEIGHT, STOREY_STIFFNESS = FRAME.total_mass * g, 1.448e6  # N, N/m
 PEAK = 0.1 * g  # m/s^2
@@ -71,13 +71,13 @@ def pair(building: mr.Building, storey: str, largest_current: float) -> mr.Devic
 
 
 def actuator(building: mr.Building, storey: str) -> mr.Device:
-    """An ideal actuator: its model has no effect under a law that commands forces."""
-    return device(building, storey, dahl, dahl.nominal, largest_command=1.0)
+    row = building.storeys[building.storey_names.index(storey)]
+    return buildings.ideal_actuator(name=storey, row=row)
 
 
 # %% The families, each with the settings that are tried: its group, and settings, building, device and law.
 LIQUID: Any = {"floor": "floor 5", "mass_ratio": 0.02, "width_ratio": 0.7}
-BEARINGS: Any = {"mass": 330.0, "period": 2.0, "ratio": 0.02, "yield_displacement": 5e-3}
+BEARINGS: Any = {"mass": 330.0, "period": 2.0, "ratio": 0.02, "yield_displacement": 5e-3, "sharpness": 2.0}
 STOREY, ISOLATION, MASS, COLUMN = "storey 1", "isolation", "tuned mass", "liquid column"
 families: dict[str, Any] = {}
 

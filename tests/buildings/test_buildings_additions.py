@@ -65,7 +65,8 @@ def test_an_addition_leaves_floors_and_storeys_where_they_were(add: Callable[[],
     for name, row in zip(UTS.floor_names, UTS.floors, strict=True):
         assert changed.floor_row(name) @ changed.influence == pytest.approx(row @ UTS.influence)
     assert set(UTS.storey_names) <= set(changed.storey_names)
-    assert len(changed.drifts) == len(changed.storeys) - changed.n_strokes
+    assert len(changed.chain) == len(changed.storeys) - changed.n_strokes
+    assert set(UTS.drift_names) == set(changed.drift_names)
     assert changed.status == "ours"
     assert "added" in changed.source
 

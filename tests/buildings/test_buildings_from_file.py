@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matlab_files import append, object_of
 from numpy.typing import NDArray
 from refusals import refusal
 from scipy.io import savemat
@@ -36,6 +37,9 @@ from mrwork.buildings import (
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.errors import MrworkWarning
 
+WORKSPACE = {
+    "M": np.diag([2.0, 1.0]), "K": np.array([[5.0, -2.0], [-2.0, 2.0]]), "C": np.array([[0.5, -0.2], [-0.2, 0.2]]),
+}  # fmt: skip
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """
 mass = [[2.0, 0.0], [0.0, 1.0]]
@@ -116,6 +120,10 @@ def test_a_published_building_can_be_stated_by_its_matrices_to_the_bit(
         np.testing.assert_array_equal(getattr(again, field), getattr(known, field))
     assert again.floor_names == known.floor_names
     assert_same(stated(f'published = "{known.name}"'), known)
+
+
+def test_a_file_is_no_name_of_a_published_building() -> None:
+    refusal(building, "frame.mat", match=r"mr.buildings.read_building\('frame.mat'\)")
 
 
 def test_a_published_building_can_be_changed() -> None:
@@ -237,7 +245,71 @@ def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path)
 
 def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path) -> None:
     savemat(tmp_path / "plant.mat", {"A": np.eye(2), "B": np.ones((2, 1))})
-    refusal(read_building, tmp_path / "plant.mat", match="found A, B")
+    refusal(
+        read_building,
+        tmp_path / "plant.mat",
+        match=r"found nothing in .*plant.mat; not used: 'A' \(2 x 2\), 'B'",
+    )
+    savemat(tmp_path / "plant.mat", {"M": np.eye(2), "k": np.eye(2)})
+    refusal(read_building, tmp_path / "plant.mat", match=r"found mass in .*; not used: 'k' \(2 x 2\)")
+
+
+def test_what_a_workspace_has_beside_the_matrices_is_listed(tmp_path: Path) -> None:
+    numbers = {"m": 1.0, "masses": [2.0, 1.0], "stiffness": [3.0, 2.0], "r": 0.3, "storeys": 2.0}
+    savemat(tmp_path / "all.mat", {**WORKSPACE, **numbers})
+    read = read_building(append(tmp_path / "all.mat", object_of("sys")))
+    assert_same(read, frame())
+    beside = ("'m' (1 x 1)", "'stiffness' (1 x 2)", "'r' (1 x 1)", "'sys' (an object of class ss)")
+    assert all(name in read.source for name in beside)
+
+
+def test_units_are_of_the_numbers_in_the_matrices(tmp_path: Path) -> None:
+    tonnes = {"M": WORKSPACE["M"] / 1e3, "K": WORKSPACE["K"] / 1e3, "C": WORKSPACE["C"] / 1e3}
+    savemat(tmp_path / "t.mat", tonnes)
+    written = "".join(
+        f"{name} = {tonnes[letter].tolist()}\n"
+        for name, letter in (("mass", "M"), ("stiffness", "K"), ("damping", "C"))
+    )
+    for text in (
+        'file = "t.mat"\n',
+        written,
+        'mass = "t.mat:M"\nstiffness = "t.mat:K"\ndamping = "t.mat:C"\n',
+    ):
+        for units in ("t, kN", "kN,t", "Mg, kN, m"):
+            assert_same(stated(f'{text}units = "{units}"', tmp_path), frame())
+    in_mm = {name: matrix / 1e3 for name, matrix in WORKSPACE.items()}
+    savemat(tmp_path / "mm.mat", in_mm)
+    assert_same(stated('file = "mm.mat"\nunits = "t, N, mm"', tmp_path), frame())
+    for units in ("t", "kN", "t, s", "t, kN, kN", "ton, kN", "t, kN, m, m"):
+        refusal(stated, f'{written}units = "{units}"', match="as in 't, kN' or 't, N, mm'")
+    refusal(stated, f'{SHEAR}units = "t, kN"', match="units goes with matrices")
+    (tmp_path / "frame.toml").write_text(MATRICES)
+    refusal(
+        stated, 'file = "frame.toml"\nunits = "t, kN"', tmp_path, match="state them where the matrices stand"
+    )
+    table = BuildingTable(file=frame(), units="t, kN")
+    refusal(table.build, match="state them where the matrices stand")
+
+
+def test_of_two_matrices_that_differ_one_is_named_by_a_key(tmp_path: Path) -> None:
+    savemat(tmp_path / "two.mat", {**WORKSPACE, "mass": np.eye(2), "model": {"M": WORKSPACE["M"]}})
+    refusal(read_building, tmp_path / "two.mat", match=r"mass may be 'M' or 'mass'.* mass = \"two.mat:M\"")
+    for name in ("M", "model.M"):
+        assert_same(stated(f'file = "two.mat"\nmass = "two.mat:{name}"', tmp_path), frame())
+    matrices = 'mass = "two.mat:M"\nstiffness = "two.mat:K"\ndamping = "two.mat:C"'
+    assert_same(stated(matrices, tmp_path), frame())
+    savemat(tmp_path / "equal.mat", {**WORKSPACE, "mass": WORKSPACE["M"]})
+    assert_same(read_building(tmp_path / "equal.mat"), frame())
+    (tmp_path / "folder").mkdir()
+    for name, matrix in {**WORKSPACE, "mass": np.eye(2)}.items():
+        np.savetxt(tmp_path / "folder" / f"{name}.csv", matrix, delimiter=",")
+    refusal(read_building, tmp_path / "folder", match='mass = "folder/M.csv"')
+    (tmp_path / "folder" / "mass.csv").rename(tmp_path / "folder" / "notes.csv")
+    assert "not used: 'notes.csv' (not read)" in read_building(tmp_path / "folder").source
+    (tmp_path / "folder" / "notes.csv").rename(tmp_path / "folder" / "M.txt")
+    refusal(read_building, tmp_path / "folder", match=r"has M\.(csv|txt) and M\.(csv|txt); keep one")
+    savemat(tmp_path / "space.mat", {"A": A, "B": B, "M": np.eye(2), "mass": 2.0 * np.eye(2)})
+    refusal(stated, 'system = "space.mat"', tmp_path, match="mass may be 'M' or 'mass'")
 
 
 def test_heights_are_those_of_storeys_and_of_no_addition() -> None:
@@ -248,7 +320,7 @@ def test_heights_are_those_of_storeys_and_of_no_addition() -> None:
     built = stated(f"{SHEAR}heights = [4.0, 3.0]\n{isolation}{brace}")
     assert built.storey_names == ("isolation", "storey 1", "storey 2", "damper in isolation")
     assert built.heights.tolist() == [0.0, 4.0, 3.0, 0.0]
-    assert built.drift_heights.tolist() == [0.0, 4.0, 3.0]
+    assert built.drift_heights.tolist() == [4.0, 3.0]
     refusal(stated, f"{SHEAR}height = 3500", match="3500 m, which is beyond any storey")
     refusal(stated, f"{SHEAR}heights = [3.0]", match="1 number for 2 storeys")
 
@@ -305,7 +377,7 @@ OF_FORCES = {"A": A, "B": np.column_stack([E, B[:, 2]])}
 @pytest.mark.parametrize(
     ("matrices", "inputs", "word"),
     [
-        ({"M": FRAME.mass, "B": E}, None, "found M, B"),
+        ({"M": FRAME.mass, "B": E}, None, "found 'M' .*, 'B'"),
         ({"A": A[:5], "M": FRAME.mass}, None, r"A has shape \(5, 10\); give \(5, 5\)"),
         ({"A": SCALED @ A @ np.linalg.inv(SCALED), "M": FRAME.mass}, None, "0 of the 10 rows"),
         ({"A": A, "M": np.diag([1.0, 2.0, 3.0, 4.0, 5.0])}, None, "not symmetric"),

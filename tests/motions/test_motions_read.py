@@ -118,7 +118,7 @@ def test_two_columns_without_names_need_a_unit(tmp_path: Path) -> None:
     path = write_lines(tmp_path / "a.txt", ["# El Centro", *body])
     assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
     refusal(read_motion, path, match='unit="g"')
-    refusal(read_motion, path, unit="g", dt=DT, match="column '1' holds the times")
+    refusal(read_motion, path, unit="g", dt=2 * DT, match="column '1' holds the times")
 
 
 def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path) -> None:
@@ -147,6 +147,59 @@ def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path) -> None:
     savemat(path, {"ns_gal": [time, IN_GAL], "ew_gal": [time, -IN_GAL]}, format="4")
     assert_is_the_motion(read_motion(path, column="ns_gal"), 1e-9)
     refusal(read_motion, path, match="'ns_gal', 'ew_gal'.*`column`")
+
+
+@pytest.mark.parametrize("given", [{}, {"dt": DT}])
+def test_the_times_of_a_column_are_as_long_as_it(tmp_path: Path, given: dict[str, float]) -> None:
+    """A workspace has a sample time and times of other signals, and a `dt` that its times contradict is refused."""
+    path, time = tmp_path / "a.mat", DT * np.arange(N_TIME)
+    for others in ({"T": DT}, {"time": np.arange(9.0)}):
+        savemat(path, {"ag": A, "t": time, **others})
+        assert_is_the_motion(read_motion(path, unit="m/s2", column="ag", **given), 1e-12)
+    savemat(path, {"ag": A, "t": time, "time": 3.0 * time})
+    if given:
+        assert_is_the_motion(read_motion(path, unit="m/s2", **given), 1e-12)
+        refusal(read_motion, path, unit="m/s2", dt=2.0 * DT, match="a step of .* s where `dt` is 0.02 s")
+    else:
+        refusal(read_motion, path, unit="m/s2", match="'t' and 'time'.*; give the step as `dt`")
+    savemat(path, {"T": A, "t": time})
+    assert_is_the_motion(read_motion(path, unit="m/s2", column="T", **given), 1e-12)
+    savemat(path, {"ag": A, "T": DT})
+    refusal(read_motion, path, unit="m/s2", match="no column is time.*: dt=")
+
+
+@pytest.mark.parametrize("of", ["structs", "pairs", "array"])
+def test_of_motions_in_structs_one_is_named_by_its_path(tmp_path: Path, of: str) -> None:
+    path, time = tmp_path / "a.mat", DT * np.arange(N_TIME)
+    motions = [{"t_s": time, "ag": samples} for samples in (-A, A)]
+    rows = np.array([tuple(motion.values()) for motion in motions], [("t_s", "O"), ("ag", "O")])
+    column, content = "eq.kobe.ag", dict(zip(("ns", "kobe"), motions, strict=True))
+    if of == "pairs":
+        column, content = "eq.kobe", {"ns": np.array([time, -A]), "kobe": np.array([time, A])}
+    elif of == "array":
+        column, content = "eq(2).ag", rows
+    savemat(path, {"eq": content, "note": "two records"})
+    motion = read_motion(path, unit="m/s2", column=column)
+    assert_is_the_motion(motion, 1e-12)
+    assert f"'{column}' of a.mat; not used: variables 'eq" in motion.source
+    assert "'note' (text)" in motion.source
+    refusal(read_motion, path, unit="m/s2", match=r"may all be a ground motion.* column=\"")
+
+
+def test_a_matrix_that_is_no_motion_does_not_hide_one(tmp_path: Path) -> None:
+    path, time = tmp_path / "a.mat", DT * np.arange(N_TIME)
+    savemat(path, {"B": np.ones((4, 2)), "a_mps2": A, "t_s": time})
+    assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-12)
+    savemat(path, {"ns": np.array([time, A]), "a_mps2": A, "t_s": time})
+    refusal(read_motion, path, unit="m/s2", match="'ns', 'a_mps2' may all be")
+
+
+@pytest.mark.parametrize("above", [[], ["", "# of the NS component"]])
+def test_a_record_of_peer_without_its_header_is_a_table(tmp_path: Path, above: list[str]) -> None:
+    body = ["".join(f"{value:15.7e}" for value in IN_G[row : row + 5]) for row in range(0, N_TIME, 5)]
+    path = write_lines(tmp_path / "a.AT2", [*above, *body])
+    assert_is_the_motion(read_motion(path, unit="g", dt=DT), 1e-5)
+    refusal(read_motion, path, match='unit="g", dt=')
 
 
 def test_several_are_read_in_the_order_of_their_names(tmp_path: Path) -> None:

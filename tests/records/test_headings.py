@@ -289,7 +289,7 @@ def test_variables_without_a_vector_of_numbers_are_named(tmp_path: Path) -> None
     path = tmp_path / "rig.mat"
     savemat(path, {**clean_columns(), "operator": "me", "gains": np.eye(3), "temp": 20.0 + 0 * TIME})
     found = message(read_damper_test(path), "not_used")
-    assert found == "not used: column 'temp'; variables 'operator', 'gains' (no vector of numbers)"
+    assert found == "not used: column 'temp'; variables 'operator' (text), 'gains' (3 x 3)"
 
 
 def folder_of_two(tmp_path: Path) -> Path:

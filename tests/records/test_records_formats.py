@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+from matlab_files import append, element, object_of
 from numpy.typing import NDArray
 from odd_files import KN, MM, NEWTON, TIME, assert_is_the_test, workbook
 from record_files import DT, N_TIME, built, clean_columns, codes, message, write_text
@@ -19,7 +21,7 @@ from refusals import refusal
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
-from mrwork.files.matlab import read_matlab_matrices as read_matrices
+from mrwork.files.matlab import matrices_among, read_variables
 from mrwork.records import DamperTest, read_damper_test, read_damper_tests
 
 
@@ -279,6 +281,10 @@ def test_what_is_no_workbook_with_a_record_is_refused(tmp_path: Path, content: b
     refusal(read_damper_test, path, match=word)
 
 
+def read_matrices(path: Path) -> dict[str, NDArray[np.float64]]:
+    return matrices_among(read_variables(path)[1])
+
+
 FULL = np.array([[4.0, -1.0, 0.0], [0.5, 3.0, 0.0]])
 
 
@@ -301,6 +307,68 @@ def test_matrices_in_a_struct_are_found(tmp_path: Path) -> None:
     path = tmp_path / "frame.mat"
     savemat(path, {"building": {"K": FULL, "S": csc_matrix(FULL)}})
     np.testing.assert_array_equal(read_matrices(path)["S"], FULL)
+
+
+@pytest.mark.parametrize("name", ["sys", "plant", "x"])
+def test_an_object_is_left_out_and_named(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "frame.mat"
+    fields = {
+        "K": FULL,
+        "note": "of two floors",
+        "of": {"S": csc_matrix(FULL)},
+        "poles": np.array([[1j, 2.0]]),
+    }
+    savemat(path, {"K": FULL, "frame": fields, "cells": np.array([1, "a"], dtype=object)})
+    _, variables = read_variables(append(path, object_of(name, "tf"), object_of("t", "string")))
+    words = {key: content for key, content in variables.items() if isinstance(content, str)}
+    assert words == {
+        "frame.note": "text",
+        "frame.poles": "complex numbers",
+        "cells": "a cell array",
+        name: "an object of class tf",
+        "t": "an object of class string",
+    }
+    assert set(read_matrices(path)) == {"K", "frame.K", "frame.of.S"}
+    np.testing.assert_array_equal(read_matrices(path)["frame.of.S"], FULL)
+
+
+@pytest.mark.parametrize("kind", [2, 9])
+def test_a_sparse_logical_matrix_has_bytes_whatever_type_they_claim(tmp_path: Path, kind: int) -> None:
+    path = tmp_path / "frame.mat"
+    savemat(path, {"K": FULL})
+    head = element(6, struct.pack("<2I", 5 | 0x0200, 4)) + element(5, struct.pack("<2i", 2, 3))
+    places = element(5, struct.pack("<4i", 0, 1, 0, 1)) + element(5, struct.pack("<4i", 0, 2, 4, 4))
+    append(path, element(14, head + element(1, b"S") + places + element(kind, b"\1\1\1\1")))
+    np.testing.assert_array_equal(read_matrices(path)["S"], FULL != 0.0)
+
+
+def test_structs_objects_and_sparse_matrices_of_version_73_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "frame.mat"
+    sparse = csc_matrix(FULL)
+    with h5py.File(path, "w") as file:
+        for name in ("model/K", "model/part/K"):
+            file[name] = FULL.T
+        for part, values in (("data", sparse.data), ("ir", sparse.indices), ("jc", sparse.indptr)):
+            file[f"S/{part}"] = values
+        file["S"].attrs["MATLAB_sparse"] = len(FULL)
+        for name, matlab_class in (("sys", "ss"), ("note", "char"), ("names", "cell")):
+            file[name] = np.zeros((1, 6), np.uint32)
+            file[name].attrs["MATLAB_class"] = np.bytes_(matlab_class)
+    _, variables = read_variables(path)
+    words = {key: content for key, content in variables.items() if isinstance(content, str)}
+    assert words == {"sys": "an object of class ss", "note": "text", "names": "a cell array"}
+    matrices = read_matrices(path)
+    assert set(matrices) == {"model.K", "model.part.K", "S"}
+    for matrix in matrices.values():
+        np.testing.assert_array_equal(matrix, FULL)
+
+
+@pytest.mark.parametrize(
+    "text", ["# Created by Octave 8.4.0\n# name: K\n# type: matrix\n", " 1.0e+00 2.0e+00\n"]
+)
+def test_a_text_with_the_name_of_a_mat_file_is_no_damage(tmp_path: Path, text: str) -> None:
+    (tmp_path / "frame.mat").write_text(text)
+    refusal(read_matrices, tmp_path / "frame.mat", match="is a text.* `save -v7`")
 
 
 @pytest.mark.parametrize("length", [160, 200])

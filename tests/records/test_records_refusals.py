@@ -140,7 +140,8 @@ def test_paths_that_are_no_records_are_refused(tmp_path: Path, refused: Refused)
     ("content", "word"),
     [
         (b"", "the file is empty"),
-        (HEADER.encode() * 10, "no byte-order mark"),
+        (HEADER.encode() * 10, "is a text"),
+        (HEADER.encode() + bytes(300), "no byte-order mark"),
         (b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "version 7.3"),
         (struct.pack("<5i", 0, 1, 2**28, 0, 4) + b"t_s\0" + bytes(200), "cut off or damaged"),
         (struct.pack(">5i", 1000, 1, 2**28, 0, 4) + b"t_s\0" + bytes(200), "cut off or damaged"),

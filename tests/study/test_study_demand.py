@@ -248,12 +248,13 @@ def test_forces_are_said_by_storey_and_the_base_has_those_of_the_first(results: 
     assert f"{forces[0]:.3g} kN in storey 1" in said
     assert f"{forces[1]:.3g} kN in storey 2; on the base {forces[0]:.3g} kN, " in said
     assert f"{100.0 * forces[0] / bare:.2g} % of the peak base shear" in said
+    assert f" kN, {results.building.total_mass:,.10g} kg), under" in said
 
 
 def test_dampers_that_stand_in_one_storey_add_there(results: StudyResults) -> None:
     """Beside each other they share the drift, so that their forces add."""
     first, second = results.dampers
-    beside = replace(results, dampers=(first, replace(second, storey=0)))
+    beside = replace(results, dampers=(first, replace(second, storey=0, place=first.place)))
     row = results.row_of("passive_off")
     assert row is not None
     together = float(np.sum(results.quantities.peak_force[row, 0, 0][:2])) / 1e3
@@ -302,3 +303,68 @@ def test_a_command_beyond_that_of_the_published_set_is_told(tmp_path: Path, larg
     text = STUDY.replace('run = "run"', f'preset = "kwok2006"\nlargest_command = "{largest}"')
     said = [each for each in studied(tmp_path, None, text).damper_remarks if "command" in each.words]
     assert [each.code for each in said] == ["demand_beyond_rating"] * told
+
+
+SHAKEN = {"acceleration": (2.5 * np.sin(0.08 * np.arange(800))).tolist(), "dt": 0.01, "name": "sine"}
+STIFF, EDGE = 4e6, 7.5
+PLAN = {
+    "mass": [[4e4, 0.0], [0.0, 1.1e6]],
+    "stiffness": [[3.0 * STIFF, STIFF * EDGE], [STIFF * EDGE, 9.0 * STIFF * EDGE**2]],
+    "modal_damping": {"ratios": [0.03]},
+    "influence": [1.0, 0.0],
+    "storeys": [[1.0, -EDGE], [1.0, EDGE]],
+    "floors": [[1.0, -EDGE], [1.0, EDGE]],
+}
+CHAIN = {"n_storeys": 3, "masses": ["20 t"], "stiffnesses": ["12 MN/m"], "modal_damping": {"ratios": [0.02]}}
+
+
+def with_row(building: dict[str, object], row: list[float], count: int, storey: int = 1) -> StudyResults:
+    damper = {"storey": storey, "row": row, "preset": "kwok2006", "count": count}
+    return mr.run_study(
+        mr.study_of(
+            building=building, dampers=[damper], laws=["passive_on"], motions=[SHAKEN], references="none"
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("building", "row", "count", "storey"),
+    [
+        (CHAIN, [1.0, 0.0, 0.0], 1, 1),
+        (CHAIN, [-1.0, 0.0, 0.0], 1, 1),
+        (CHAIN, [0.0, 1.0, -1.0], 1, 3),
+        (PLAN, [1.0, EDGE], 3, 1),
+        (PLAN, [-1.0, EDGE], 3, 1),
+    ],
+)
+def test_a_share_of_the_base_shear_has_a_size_and_no_sign(
+    building: dict[str, object], row: list[float], count: int, storey: int
+) -> None:
+    results = with_row(building, row, count, storey)
+    share = 100.0 * results.quantities.peak_force[-1, 0, 0, 0] / results.quantities.peak_base_shear[0, 0, 0]
+    (said,) = shares_in_words(results)
+    assert f"{share:.2g} % of the peak base shear" in said
+    for weak in (remark for remark in results.remarks if remark.code == "dampers_weak"):
+        assert weak.measured is not None
+        assert weak.measured.value == pytest.approx(0.01 * share)
+        advised = int(weak.words[0].removeprefix("count = ").split()[0])
+        assert advised == pytest.approx(10.0 * count / share, abs=1.0)
+
+
+def test_dampers_of_two_frames_that_stand_on_the_ground_add_on_the_base() -> None:
+    dampers = [{"storey": storey, "preset": "kwok2006", "count": 3} for storey in (1, 2)]
+    study = mr.study_of(
+        building=PLAN, dampers=dampers, laws=["passive_on"], motions=[SHAKEN], references="none"
+    )
+    results = mr.run_study(study)
+    together = 1e-3 * results.quantities.peak_force[-1, 0, 0, :2].sum()
+    assert f"on the base {together:.3g} kN" in shares_in_words(results)[0]
+
+
+def test_dampers_that_turn_a_plan_have_no_share_of_the_base_shear() -> None:
+    turning = with_row(PLAN, [0.0, 10.0], 3)
+    assert turning.dampers[0].share == 0.0
+    # A moment of inertia is no mass.
+    assert turning.building.total_mass == 4e4
+    assert shares_in_words(turning) == ()
+    assert not [remark for remark in turning.remarks if "base shear" in remark.message]

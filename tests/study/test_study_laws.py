@@ -164,7 +164,9 @@ def gain_of(read: mr.Study) -> object:
     return law.gains["gain"]
 
 
-@pytest.mark.parametrize("name", ["gain.csv", "gain.txt", "gain.npy", "gain.mat", "array", "settings"])
+@pytest.mark.parametrize(
+    "name", ["gain.csv", "gain.txt", "gain.npy", "gain.mat", "all.mat:law.K", "array", "settings"]
+)
 def test_a_gain_from_anywhere_is_the_gain_of_the_law(tmp_path: Path, name: str) -> None:
     rows = GAIN.tolist()
     if name.endswith((".csv", ".txt")):
@@ -173,6 +175,8 @@ def test_a_gain_from_anywhere_is_the_gain_of_the_law(tmp_path: Path, name: str) 
         np.save(tmp_path / name, GAIN)
     if name.endswith(".mat"):
         scipy.io.savemat(tmp_path / name, {"K": GAIN})
+    if ":" in name:
+        scipy.io.savemat(tmp_path / "all.mat", {"law": {"K": GAIN, "note": "lqr"}, "A": np.eye(10)})
     law = f"law = 'clipped_optimal'\ngain = {name!r}"
     if name == "array":
         law = f"law = 'clipped_optimal'\ngain = {rows}"
@@ -189,7 +193,8 @@ def test_a_gain_that_cannot_be_is_told_its_shape_and_units(tmp_path: Path) -> No
         ("law = 'clipped_optimal'\ngain = [[1, 2], [3]]", "different lengths"),
         ("law = 'clipped_optimal'\ngain = 'absent.csv'", "no such file"),
         ("law = 'clipped_optimal'\ngain = 'cube.npy'", r"shape \(2, 2, 2\)"),
-        ("law = 'clipped_optimal'\ngain = 'two.mat'", "K, L"),
+        ("law = 'clipped_optimal'\ngain = 'two.mat'", r"'K' \(1 x 10\), 'L' .* as in \"two.mat:K\""),
+        ("law = 'clipped_optimal'\ngain = 'two.mat:J'", "a matrix 'J' was expected"),
         (f"law = 'clipped_optimal'\ngain = {GAIN.tolist()}\nsettings = {{ drifts = 1 }}", "drifts; keep one"),
         (f"law = 'lyapunov'\ngain = {GAIN.tolist()}", "no gain of a desired force"),
         (f"law = 'best_passive'\ngain = {GAIN.tolist()}", "no gain; leave it out"),

@@ -62,6 +62,54 @@ def test_a_condensed_frame_with_negative_forces_of_the_ground_is_silent(tmp_path
     assert study(tmp_path, f"{given}modal_damping = {{ ratios = [0.02] }}").remarks == ()
 
 
+PULSE = "[[motion]]\nacceleration = [0, 0, 3, -3, 2, -2, 1]\ndt = 0.1\n"
+DAMPED = "modal_damping = { ratios = [0.05] }\n"
+
+
+def in_matrices(mass: np.ndarray, stiffness: np.ndarray, **rows: np.ndarray) -> str:
+    given = {"mass": mass, "stiffness": stiffness, **rows}
+    return "".join(f"{name} = {array.tolist()}\n" for name, array in given.items()) + DAMPED
+
+
+def of_drifts(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass and stiffness of a chain in the coordinates of its drifts, and its floors, sums of drifts."""
+    floors = np.tril(np.ones((n, n)))
+    return floors.T @ np.diag(np.full(n, 25e3)) @ floors, np.diag(np.linspace(37.5e6, 25e6, n)), floors
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_coordinates_that_are_drifts_are_asked_about_by_their_masses(tmp_path: Path, n: int) -> None:
+    mass, stiffness, floors = of_drifts(n)
+    (said,) = study(tmp_path, in_matrices(mass, stiffness)).remarks
+    assert (said.code, said.measured) == ("coordinates_relative", Measured(float(mass[0, 1]), "kg"))
+    rows = {"floors": floors, "storeys": np.eye(n), "influence": np.eye(n)[0]}
+    told = study(tmp_path, in_matrices(mass, stiffness, **rows))
+    assert told.remarks == ()
+    chain = f"masses = {[25e3] * n}\nstiffnesses = {np.diag(stiffness).tolist()}\n{DAMPED}"
+    peaks = []
+    for building in (in_matrices(mass, stiffness, **rows), chain):
+        (tmp_path / "pulse.toml").write_text(f"[building]\n{building}\n{PULSE}")
+        runs = mr.run_study(mr.read_study(tmp_path / "pulse.toml")).to_xarray()["criteria"].to_dataset()
+        peaks.append([runs[name].values.max() for name in ("peak_drift", "peak_base_shear")])
+    np.testing.assert_allclose(peaks[0], peaks[1], rtol=1e-9)
+    if n == 2:
+        # By an own program: 7.47 mm and 257 kN.
+        np.testing.assert_allclose(peaks[0], (7.47e-3, 257e3), rtol=2e-3)
+
+
+def test_a_part_relative_to_its_floor_is_asked_about_and_distributed_mass_is_not(tmp_path: Path) -> None:
+    absorber = np.array([[1e5, 0.0, 0.0], [0.0, 1.01e5, 1e3], [0.0, 1e3, 1e3]])
+    springs = np.array([[4e7, -2e7, 0.0], [-2e7, 2e7, 0.0], [0.0, 0.0, 5e4]])
+    assert "coordinates_relative" in {
+        said.code for said in study(tmp_path, in_matrices(absorber, springs)).remarks
+    }
+    # A shear beam of three elements whose mass is distributed.
+    element = np.array([[2.0, 1.0], [1.0, 2.0]])
+    beam = sum(np.pad(element, ((n, 2 - n), (n, 2 - n))) for n in range(3))
+    spring = sum(np.pad(np.array([[1.0, -1.0], [-1.0, 1.0]]), ((n, 2 - n), (n, 2 - n))) for n in range(3))
+    assert study(tmp_path, in_matrices(2e4 * beam[1:, 1:], 6e7 * spring[1:, 1:])).remarks == ()
+
+
 def test_ordinary_isolation_is_silent(tmp_path: Path) -> None:
     one = "n_storeys = 1\nmasses = [2e5]\nstiffnesses = [1.5e8]\nmodal_damping = { ratios = [0.02] }\n"
     for period in (1.5, 3.0, 5.0):

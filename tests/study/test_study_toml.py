@@ -100,7 +100,8 @@ PREFIXED = {
     "s4/m2": ("s4/mm2", 1e6),
     "A": ("mA", 1e-3),
     "A or V": ("mV", 1e-3),
-    "A/s or V/s": ("A/ms", 1e3),
+    "A or V or N": ("kN", 1e3),
+    "A/s or V/s or N/s": ("kN/s", 1e3),
 }
 
 

@@ -156,3 +156,10 @@ def test_an_interval_brings_its_verdict_and_leaves_the_standard_error() -> None:
     tied = replace(spring, verdict=Verdict("tied"), tie="2*c").judged_by(replace(profile, verdict=Verdict()))
     assert (tied.verdict.word, tied.interval) == ("tied", profile.interval)
     assert spring.judged_by(None) == spring
+
+
+def test_a_verdict_is_equal_to_its_word_and_to_one_with_the_same_reason():
+    verdict = Verdict("sign unknown", "zero")
+    assert verdict == "sign unknown" != Verdict("identifiable")
+    assert verdict != Verdict("sign unknown", "wide")
+    assert verdict in {"sign unknown"}

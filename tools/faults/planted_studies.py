@@ -59,8 +59,8 @@ def honest(rng: Rng, folder: Path) -> str:
 
 
 def _matrices(n: int, mass: float, k: float, rng: Rng) -> Table:
-    """Matrices of a chain, of two towers, of a frame on a soil spring, and of a condensed frame that bends."""
-    form, rows = rng.choice(["chain", "towers", "soil", "bends"]), np.eye(n) - np.eye(n, k=-1)
+    """Matrices of a chain, of two towers, of a frame on a soil spring, of one that bends, and of distributed mass."""
+    form, rows = rng.choice(["chain", "towers", "soil", "bends", "distributed"]), np.eye(n) - np.eye(n, k=-1)
     stiffness = k * rows.T @ rows
     if form == "towers":
         rows, stiffness = np.kron(np.eye(2), rows), np.kron(np.diag([1.0, 1.3]), stiffness)
@@ -70,7 +70,8 @@ def _matrices(n: int, mass: float, k: float, rng: Rng) -> Table:
         floors = np.arange(1.0, n + 1.0)
         low, high = np.minimum.outer(floors, floors), np.maximum.outer(floors, floors)
         stiffness = k * np.linalg.inv(low**2 * (3.0 * high - low) / (6.0 * n) + low)
-    return NO_STOREYS | _lists(mass * np.eye(len(rows)), (stiffness + stiffness.T) / 2.0, storeys=rows)
+    shares = np.eye(len(rows)) - (rows.T @ rows / 6.0 if form == "distributed" else 0.0)
+    return NO_STOREYS | _lists(mass * shares, (stiffness + stiffness.T) / 2.0, storeys=rows)
 
 
 def _lists(mass: Any, stiffness: Any, storeys: Any = None) -> Table:
@@ -86,6 +87,12 @@ def _rotations(rng: Rng) -> Table:
     inertia, order = float(rng.choice([0.01, 1.0, 1e3, 2e4])), [0, *rng.permutation([1, 2]), 3]
     at = np.ix_(order, order)
     return {"building": NO_STOREYS | _lists(np.diag([1e5, inertia, 1e5, inertia])[at], k[at])}
+
+
+def _drifts(rng: Rng) -> Table:
+    """A chain in the coordinates of its drifts, as if they were those of its floors."""
+    floors = np.tril(np.ones((n := int(rng.integers(2, 7)), n)))
+    return {"building": NO_STOREYS | _lists(5e4 * floors.T @ floors, 6e7 * np.eye(n))}
 
 
 def _buildings(*given: Table) -> tuple[Table, ...]:
@@ -123,7 +130,7 @@ _PATCHES: Final[Mapping[str, tuple[Table | Callable[[Rng], Table], ...]]] = {
         *({"hardware": {name: each}} for name, each in (("sample_time", 1.0), ("sample_time", 5.0), ("delay", 2.0))),
         {"motion": {"pga": None, "sa": "0.3 g", "sa_period": 80.0}}, {"motion": {"dt": 10.0}},
     ),
-    "influence": (_rotations,),
+    "influence": (_rotations, _drifts),
     "light coordinate": _buildings(*(LIGHT | {"masses": [each, 1e5, 1e5]} for each in (0.01, 0.05, 0.2))),
     "equal towers": _buildings(NO_STOREYS | TOWERS | {"modal_damping": {"ratios": [0.02, 0.05, 0.02, 0.02]}}),
     "falls": _buildings({"loads": [3e10, 2e10, 1e10]}, {"p_delta": True, "masses": [5e4], "stiffnesses": [1e5]}),

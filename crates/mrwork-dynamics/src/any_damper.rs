@@ -37,13 +37,14 @@ pub trait Damper: Sync {
     fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> BlockResult;
     /// Force histories, one row per candidate of the block.
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]);
-    /// Force histories and their derivatives, one seed and one set of rows per lane.
+    /// Force histories and their derivatives, one seed and one set of rows per lane, see [`dual_block::run`].
     fn sensitivities(
         &self,
         set: InstructionSet,
         block: &Block<'_>,
         seeds: &[LaneSeeds],
         rows: &mut [LaneRows<'_>],
+        plain_states: bool,
     );
 }
 
@@ -110,8 +111,9 @@ impl<M: DamperModel> Damper for M {
         block: &Block<'_>,
         seeds: &[LaneSeeds],
         rows: &mut [LaneRows<'_>],
+        plain_states: bool,
     ) {
-        dual_block::run::<M>(set, block, seeds, rows);
+        dual_block::run::<M>(set, block, seeds, rows, plain_states);
     }
 }
 

@@ -274,9 +274,9 @@ fn block_result<M: DamperModel, R: Lanes, D>(
 }
 
 /// A pack and its states.
-struct WithState<P, S> {
-    pack: P,
-    state: S,
+pub(crate) struct WithState<P, S> {
+    pub(crate) pack: P,
+    pub(crate) state: S,
 }
 
 /// A pack that has summed its residuals.

@@ -2,11 +2,12 @@
 //!
 //! What a lane differentiates with respect to are the inputs of its simulation: the parameters, or, where they follow a
 //! varying command, the columns of `theta`. States are integrated with their derivatives; inputs that enter the force
-//! only leave the states alone, so their derivatives are those of the force at the sample.
+//! only leave the states alone, so their derivatives are those of the force at the sample; where there are no others,
+//! states are plain numbers in packs side by side.
 
 use core::marker::PhantomData;
 
-use crate::block::{Block, Integrated, columns, integrate_span, steady_values};
+use crate::block::{Block, Integrated, WithState, columns, integrate_span, steady_values};
 use crate::current_law::Prepare;
 use crate::damper::model::{DamperModel, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
@@ -44,14 +45,116 @@ pub struct LaneRows<'a> {
     pub force_only: Vec<[Option<&'a mut [f64]>; TANGENTS]>,
 }
 
-/// Simulates a block whose lanes differentiate with respect to `seeds`.
+/// Simulates a block whose lanes differentiate with respect to `seeds`; those of a block with `plain_states` enter the
+/// force only, and its parameters are constant in time.
 pub(crate) fn run<M: DamperModel>(
     set: InstructionSet,
     block: &Block<'_>,
     seeds: &[LaneSeeds],
     rows: &mut [LaneRows<'_>],
+    plain_states: bool,
 ) {
-    set.run_vector(SensitivityJob::<M> { block, seeds, rows, model: PhantomData });
+    let model = PhantomData::<M>;
+    if plain_states {
+        set.run_narrow(ForceSlopesJob { block, seeds, rows, model });
+    } else {
+        set.run_vector(SensitivityJob { block, seeds, rows, model });
+    }
+}
+
+struct ForceSlopesJob<'a, 'b, M> {
+    block: &'a Block<'a>,
+    seeds: &'a [LaneSeeds],
+    rows: &'a mut [LaneRows<'b>],
+    model: PhantomData<M>,
+}
+
+impl<M: DamperModel> LaneJob for ForceSlopesJob<'_, '_, M> {
+    type Output = ();
+    type Home = M;
+    #[inline(always)]
+    fn run<R: Lanes + Bits>(self) {
+        let Self { block, seeds, rows, .. } = self;
+        let mut packs = Vec::with_capacity(seeds.len().div_ceil(R::WIDTH));
+        let lanes = seeds.chunks(R::WIDTH).zip(rows.chunks_mut(R::WIDTH));
+        for (candidates, (seeds, rows)) in block.candidates.chunks(R::WIDTH).zip(lanes) {
+            let values = steady_values(block, columns::<R>(block, candidates));
+            let mut parts = Vec::new();
+            for part in 0..seeds.iter().map(|seeds| seeds.force_only.len()).max().unwrap_or(0) {
+                let inputs = seeded(&values, |lane| seeds.get(lane)?.force_only.get(part).copied());
+                parts.push(M::Parameters::from_slice(&inputs));
+            }
+            let driver = Steady::<_, false> { parameters: M::Parameters::from_slice(&values) };
+            let sink = SlopeWriter::<M, R> { rows, parts };
+            let pack = Integrated::<M, R, _, _> { driver, sink, kind: PhantomData };
+            packs.push(WithState { pack, state: M::State::splat(R::splat(0.0)) });
+        }
+        integrate_span(block, &mut packs, ());
+    }
+}
+
+/// Writes the force and its derivatives with respect to inputs that the states do not depend on.
+struct SlopeWriter<'a, 'b, M: DamperModel, R: Lanes + Bits> {
+    rows: &'a mut [LaneRows<'b>],
+    parts: Vec<M::Parameters<Numbers<R>>>,
+}
+
+impl<M: DamperModel, R: Lanes + Bits> ForceSink<M, R, Steady<M::Parameters<R>>>
+    for SlopeWriter<'_, '_, M, R>
+{
+    #[inline(always)]
+    fn take(
+        &mut self,
+        sample: usize,
+        driver: &Steady<M::Parameters<R>>,
+        state: M::State<R>,
+        motion: Motion<R>,
+    ) {
+        M::force(&driver.parameters, state, motion).for_each(|lane, value| {
+            if let Some(LaneRows { force: Some(row), .. }) = self.rows.get_mut(lane) {
+                row[sample] = value;
+            }
+        });
+        let state = M::State::<Numbers<R>>::from_fn(|place| {
+            let mut entry = Dual::splat(0.0);
+            state.for_each(|index, value| {
+                if index == place {
+                    entry = Dual::constant(value);
+                }
+            });
+            entry
+        });
+        let motion = Motion {
+            displacement: Dual::constant(motion.displacement),
+            velocity: Dual::constant(motion.velocity),
+        };
+        for (part, parameters) in self.parts.iter().enumerate() {
+            write_force_only(self.rows, part, sample, M::force(parameters, state, motion).tangents);
+        }
+    }
+
+    #[inline(always)]
+    fn is_settled(&self) -> bool {
+        false
+    }
+}
+
+/// Writes the derivatives of a part of the inputs that enter the force only.
+#[inline(always)]
+fn write_force_only<R: Lanes>(
+    rows: &mut [LaneRows<'_>],
+    part: usize,
+    sample: usize,
+    tangents: [R; TANGENTS],
+) {
+    for (k, tangent) in tangents.into_iter().enumerate() {
+        tangent.for_each(|lane, value| {
+            let rows = rows.get_mut(lane).and_then(|rows| rows.force_only.get_mut(part));
+            if let Some(row) = rows.and_then(|rows| rows[k].as_deref_mut()) {
+                row[sample] = value;
+            }
+        });
+    }
 }
 
 struct SensitivityJob<'a, 'b, M> {
@@ -161,14 +264,7 @@ impl<M: DamperModel, R: Lanes + Bits> ForceSink<M, Numbers<R>, Either<'_, M, Num
                 *parameters = following.parameters_of(columns, values);
             }
             let force = M::force(parameters, state.without_derivatives(), motion);
-            for (k, tangent) in force.tangents.into_iter().enumerate() {
-                tangent.for_each(|lane, value| {
-                    let rows = rows.get_mut(lane).and_then(|rows| rows.force_only.get_mut(part));
-                    if let Some(row) = rows.and_then(|rows| rows[k].as_deref_mut()) {
-                        row[sample] = value;
-                    }
-                });
-            }
+            write_force_only(rows, part, sample, force.tangents);
         }
     }
 

@@ -3,7 +3,8 @@
 //! A lane differentiates one candidate with respect to [`TANGENTS`] inputs on which the states depend; more take more
 //! lanes. Inputs that enter the force only are shared among these lanes. Where the command is constant the inputs are
 //! the parameters, however many coefficients their laws have. A dual number is several vectors, enough to hide each
-//! other's latency, so a block has the lanes of one vector.
+//! other's latency, so a block has the lanes of one vector. Without inputs on which the states depend they are plain
+//! numbers, in packs side by side.
 
 use crate::any_damper::Damper;
 use crate::block::{BatchProgress, Block};
@@ -55,7 +56,8 @@ pub fn sensitivities(
     let directions = Directions::of(damper.spec(), laws, asked, loading);
     let lanes = lanes(&schedule.order, &directions, asked.len(), force, jacobian, n_time);
     let set = settings.instruction_set;
-    let work = blocks(lanes, set.vector_width(), |candidate| schedule.rows[candidate].substeps);
+    let width = if directions.plain_states { set.side_by_side_width() } else { set.vector_width() };
+    let work = blocks(lanes, width, |candidate| schedule.rows[candidate].substeps);
     on_threads(
         schedule.threads_at(DUAL_COST * directions.n_lanes() as u64),
         work,
@@ -71,7 +73,7 @@ pub fn sensitivities(
                 short: false,
                 stop: settings.stop,
             };
-            damper.sensitivities(set, &block, &lanes.seeds, &mut lanes.rows);
+            damper.sensitivities(set, &block, &lanes.seeds, &mut lanes.rows, directions.plain_states);
         },
     )?;
     stopped(settings.stop)?;
@@ -115,6 +117,8 @@ struct Directions {
     /// The command of the whole record, if parameters follow it: the inputs are the parameters at it, and derivatives
     /// with respect to coefficients follow by the chain rule.
     held: Option<f64>,
+    /// Whether the states depend on none of the inputs, and parameters are constant in time.
+    plain_states: bool,
 }
 
 impl Directions {
@@ -124,7 +128,8 @@ impl Directions {
             Command::Held(command) if !laws.are_constant() => Some(*command),
             _ => None,
         };
-        let mut directions = Self { states: Vec::new(), force_only: Vec::new(), places: Vec::new(), held };
+        let (states, force_only, places) = (Vec::new(), Vec::new(), Vec::new());
+        let mut directions = Self { states, force_only, places, held, plain_states: false };
         let mut place_of: Vec<Option<usize>> = vec![None; spec.parameters.len()];
         for (place, &column) in asked.iter().enumerate() {
             let parameter = laws.parameter_of(column).map(|(parameter, _)| parameter);
@@ -140,6 +145,7 @@ impl Directions {
                 group.push(Direction { input, place });
             }
         }
+        directions.plain_states = directions.states.is_empty() && !varying;
         directions
     }
 

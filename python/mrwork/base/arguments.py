@@ -96,6 +96,14 @@ def unchecked(function: TargetT) -> TargetT:
     return cast(TargetT, vars(function)["__wrapped__"])
 
 
+def replace_unchecked(value: Value, **changes: Any) -> Value:
+    """A `checked` dataclass with other fields, without its checks, for loops over values that are known to be right."""
+    same, kind = object.__new__(type(value)), cast(Any, value)
+    given = {entry.name: getattr(value, entry.name) for entry in fields(kind) if entry.init}
+    unchecked(type(kind).__init__)(same, **given | changes)
+    return same
+
+
 def takes_fields(
     kind: Callable[Given, Value],
 ) -> Callable[[Callable[[Value], Result]], Callable[Given, Result]]:

@@ -1,3 +1,4 @@
+from .device import ideal_actuator as ideal_actuator
 from .frames import building as building
 from .frames import buildings as buildings
 from .frames import chain as chain

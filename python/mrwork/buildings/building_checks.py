@@ -140,6 +140,9 @@ def _names(building: Structure) -> Iterator[str]:
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             yield f"two {noun}s are called {twice!r}; give each a different name"
+    for name in building.isolators:
+        if name not in (known := building.storey_names[: len(building.chain)]):
+            yield f"isolators names {name!r}, which is no storey between floors; give some of {', '.join(known)}"
     if not 0 <= building.n_strokes <= n_storeys:
         yield (
             f"{building.n_strokes} of {n_storeys} storey rows are declared as strokes; give a number from zero to all"

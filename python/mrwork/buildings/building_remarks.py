@@ -23,8 +23,9 @@ _RIGID, _ISOLATED = 0.75, 10.0
 _SMALL_PART: Final = 0.1
 # Frequency [Hz] and share of the mass of a mode that is of no use to a frame; damping ratio of its main mode.
 _STIFF, _MOVES_LITTLE, _OVERDAMPED = 1e3, 1e-3, 0.5
-# Positive coupling of two coordinates beside their stiffness, and share of the largest mass that is light.
-_COUPLED, _LIGHT = 0.1, 1e-4
+# Positive coupling of two coordinates beside their stiffness, coupling beside their masses, and share of the largest
+# mass that is light.
+_COUPLED, _SHARED, _LIGHT = 0.1, 0.05, 1e-4
 DRIFT_RATIOS: Final = (5e-4, 0.1)
 """Usual limits of a drift ratio."""
 # Height of a storey for people [m], and least mass of the heaviest floor of such a building [kg].
@@ -68,11 +69,11 @@ _STIFF_MODE: Final = RemarkKind(
 
 def _mode_remarks(building: Structure, modes: Modes) -> Iterator[Remark]:
     """Remarks on periods, on a part that is softer than its frame, on stiff coordinates without mass, on damping."""
-    omega, shapes, storeys = modes.omega, modes.shapes, len(building.drifts) or 1
+    omega, shapes, storeys = modes.omega, modes.shapes, len(building.chain) or 1
     shares, frequency = modes.effective_masses / building.total_mass, omega / (2.0 * np.pi)
     moved = np.abs(building.floors @ shapes[:, 0]).max(initial=0.0)
     # A frame on isolators moves as a whole in its first mode, and bends in the second.
-    isolated = storeys > 1 and abs(building.drifts[0] @ shapes[:, 0]) > _RIGID * moved
+    isolated = storeys > 1 and abs(building.chain[0] @ shapes[:, 0]) > _RIGID * moved
     mode = int(isolated and float(modes.periods[0]) <= _ISOLATED)
     period = float(modes.periods[mode])
     longest = _ISOLATED if isolated else _LONGEST[0] + _LONGEST[1] * storeys
@@ -110,12 +111,21 @@ _ROTATION: Final = RemarkKind(
     "give influence, 0 of a rotation, and the rows floors and storeys of those that there are, in [building]",
 )
 
+_RELATIVE: Final = RemarkKind(
+    "coordinates_relative",
+    "{0}: coordinates {first} and {second} share a mass of {value:.4g} kg, off the diagonal of the mass matrix, and "
+    "each is taken for a floor; drifts of storeys share masses so, as do motions relative to a floor",
+    "give floors, the rows from coordinates to displacements relative to the ground, storeys and influence, in "
+    "[building], or the masses and stiffnesses of floors",
+)
+
 
 def _coordinate_remarks(building: Structure) -> Iterator[Remark]:
     """Warn of coordinates that the influence says the ground moves, but whose stiffness shows no displacements.
 
     Springs between displacements have negative entries beside the diagonal, and condensed frames positive ones between
     every second floor. Rotations have positive ones between neighbours, and without their own influence K r there.
+    Displacements relative to other floors share masses.
     """
     follows = np.flatnonzero(building.influence)
     stiffness = building.stiffness[np.ix_(follows, follows)]
@@ -132,6 +142,18 @@ def _coordinate_remarks(building: Structure) -> Iterator[Remark]:
     if wrong.any() or (light & (held < 0.0)).any():
         first = int(follows[(light if light.any() else wrong.any(axis=1)).argmax()])
         yield _ROTATION.remark(building.name, coordinate=first + 1)
+    elif np.array_equal(building.floors, np.eye(len(building.mass))):
+        # Elements with distributed mass couple neighbours by their stiffness more than by their mass.
+        shared, joined = (
+            np.abs(matrix) / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+            for matrix in (building.mass, building.stiffness)
+        )
+        shared[shared < np.maximum(_SHARED, joined)] = 0.0
+        np.fill_diagonal(shared, 0.0)
+        if shared.any():
+            one, other = divmod(int(shared.argmax()), len(shared))
+            measured = Measured(float(building.mass[one, other]), "kg")
+            yield _RELATIVE.remark(building.name, measured=measured, first=one + 1, second=other + 1)
 
 
 _STOREY_STIFF: Final = RemarkKind(
@@ -148,8 +170,8 @@ _FLOORS_LIGHT: Final = RemarkKind(
 
 def _storey_remarks(building: Structure, modes: Modes) -> Iterator[Remark]:
     """Remarks on heights, drifts, strengths and passive devices, beside weight and modes."""
-    heights, weight = building.drift_heights, building.total_mass * STANDARD_GRAVITY
-    real, drifts = heights[heights > 0.0], building.yield_drifts[: len(building.drifts)]
+    heights, weight = building.heights[: len(building.chain)], building.total_mass * STANDARD_GRAVITY
+    real, drifts = heights[heights > 0.0], building.yield_drifts[: len(building.chain)]
     numbers = [("the height of a storey", height, (0.05, 25.0), "m") for height in (*real[:1], *real[-1:])]
     if building.drift_limit:
         numbers.append(("drift_limit", building.drift_limit, DRIFT_RATIOS, "1"))
@@ -176,7 +198,7 @@ def _storey_remarks(building: Structure, modes: Modes) -> Iterator[Remark]:
     springs = building.storey_stiffnesses
     ordinary = float(np.sort(springs)[(springs.size - 1) // 2]) if springs.size else np.inf
     if springs.max(initial=0.0) > _STIFFER * ordinary:
-        words = building.name, building.drift_names[int(springs.argmax())]
+        words = building.name, building.storey_names[int(springs.argmax())]
         yield _STOREY_STIFF.remark(*words, measured=Measured(float(springs.max()), "N/m"), ordinary=ordinary)
     heaviest = float(np.diag(building.mass).max())
     if real.size and real.min() > _HUMAN and heaviest < _LEAST_FLOOR:

@@ -4,23 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from math import inf
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.arguments import May, NotNegative, Positive, checked
+from mrwork.base.hints import Within
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.buildings.plane_building import Building
+from mrwork.dampers.laws import CommandLaw
+from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError
 
 # A command with a mean above this share of its peak is constant but for the lag of the driver.
 _CONSTANT = 0.9
+
+_FORCE = ParamSpec(
+    name="f", unit="N", scale="linear", lower=-1e300, upper=1e300, nominal=0.0, description="resisting force"
+)
+_ACTUATOR = DamperSpec(
+    name="ideal_actuator",
+    title="Ideal actuator",
+    equation="f = u",
+    description="Exerts the commanded force at once, up to its limit, and may add energy to the building.",
+    source="the bound of every semi-active law",
+    nominal_source="none",
+    n_states=0,
+    spring=None,
+    plain=(_FORCE,),
+    parameters=(replace(_FORCE, name="f.0"), replace(_FORCE, name="f.1", unit="1", nominal=1.0)),
+    laws=(CommandLaw(1),),
+)
 
 
 @checked
@@ -38,7 +59,8 @@ class Device(Summarised):
     row
         Elongation = row @ q, shape (n,): a row of `building.storeys`.
     largest_command
-        Largest command of the driver [A or V]; a passive model, which follows no command, needs none.
+        Largest command of the driver [A or V]; a passive model, which follows no command, needs none. The largest force
+        of an actuator, see `mr.buildings.ideal_actuator` [N].
     count
         Number of dampers in parallel.
     differential
@@ -61,7 +83,7 @@ class Device(Summarised):
     spec: DamperSpec
     theta: ArrayLike
     row: ArrayLike
-    largest_command: float = 0.0
+    largest_command: Annotated[float, May.BE_INFINITE] = 0.0
     count: Positive = 1.0
     differential: bool = False
     tested: OperatingRange | None = None
@@ -103,6 +125,16 @@ class Device(Summarised):
         object.__setattr__(self, "spec", with_changed_laws(self.spec, lagged=True))
         object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], lag, axis=-1))
         object.__setattr__(self, "lag", None)
+
+    @property
+    def is_actuator(self) -> bool:
+        """Whether it is an ideal actuator, whose command is its force of either sign [N]."""
+        return self.spec == _ACTUATOR
+
+    @property
+    def command_unit(self) -> str | None:
+        """Unit of its command: A or V of dampers, N of actuators; `None` of what follows none."""
+        return "N" if self.is_actuator else self.spec.command_unit
 
     @property
     def is_commanded(self) -> bool:
@@ -177,12 +209,40 @@ class Device(Summarised):
             title=f"Device {self.name}: {self.spec.name}",
             facts=(
                 ("dampers", f"{self.count:g}{', and as many in opposition' if self.differential else ''}"),
-                ("command", f"0 to {self.largest_command:g}"),
+                ("command", f"{'force +-' if self.is_actuator else '0 to '}{self.largest_command:g}"),
                 ("draws", str(len(self.draws))),
                 ("tested", self.tested.in_words if self.tested else "not known"),
             ),
             tables=[Table.of(columns, self.spec.parameters)],
         )
+
+
+@checked
+def ideal_actuator(
+    *, name: str, row: ArrayLike, largest_force: Annotated[float, Within(above=0.0), May.BE_INFINITE] = inf
+) -> Device:
+    """An actuator that exerts the force which a law commands, of either sign, and saturates at its largest force.
+
+    The law `active` commands it, or a law in Python, whose commands are then forces. A positive force resists the
+    lengthening row @ q, of shape (n,), as a row of `building.storeys`; `largest_force` is in N, to either side.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> frame = mr.building("uts")
+    >>> mr.buildings.ideal_actuator(name="storey 1", row=frame.storeys[0], largest_force=2e3).command_unit
+    'N'
+    """
+    return Device(name=name, spec=_ACTUATOR, theta=(0.0, 1.0), row=row, largest_command=largest_force)
+
+
+def as_actuators(devices: Sequence[Device], most: float) -> tuple[Device, ...]:
+    """The actuators among devices, and actuators in the places of the dampers, each with at most this force [N]."""
+    forces = [device.largest_command if device.is_actuator else inf for device in devices]
+    return tuple(
+        ideal_actuator(name=device.name, row=device.row, largest_force=min(force, most))
+        for device, force in zip(devices, forces, strict=True)
+    )
 
 
 def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:

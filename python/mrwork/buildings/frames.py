@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -23,7 +24,7 @@ from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.buildings.passive_element import PassiveElement, transform_elements
 from mrwork.buildings.plane_building import Building, source_with
 from mrwork.buildings.structure import Status
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, UnknownNameError
 
 Storey = Annotated[int | str, Says("number of the storey from 1, or its name")]
 Floor = Annotated[int | str, Says("number of the floor from 1, or its name")]
@@ -187,6 +188,11 @@ def building(name: str) -> Building:
     [5.46, 15.81, 23.64]
     """
     frames = {building.name: building for building in buildings()}
+    if Path(name).suffix and name not in frames:
+        raise UnknownNameError(
+            f"no published building is called {name!r}; a file is read by mr.buildings.read_building({name!r}), and by "
+            f'a study as [building] file = "{name}"'
+        )
     check_known(name, frames, f"no published building is called {name!r}")
     return frames[name]
 
@@ -415,7 +421,7 @@ def with_base_isolation(
 
     The displacement u of the slab relative to the ground is a new first coordinate. The building stands on the slab, so
     `q - r u` replaces q in its forces. The slab becomes the lowest floor, "base", and the isolators the lowest storey,
-    "isolation".
+    "isolation", which has a stroke and no drift.
     """
     if "isolation" in building.storey_names:
         raise SettingError(
@@ -436,6 +442,7 @@ def with_base_isolation(
         storeys=np.vstack([slab, building.storeys @ relative]),
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
+        isolators=("isolation", *building.isolators),
         heights=np.append([0.0] * bool(building.heights.size), building.heights),
         loads=np.append([0.0] * bool(building.loads.size), building.loads),
         elements=transform_elements(building.elements, relative),

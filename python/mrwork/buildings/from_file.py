@@ -8,7 +8,7 @@ the bare building, and storey 1 of an isolated building is the isolators.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from mrwork.base.keys import Arguments, keys_of, optional, positive
 from mrwork.base.numbers import counted
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.summary import named
+from mrwork.base.units import unit_of
 from mrwork.base.values import Floats, one_for_each
 from mrwork.buildings.building_checks import MOST_COORDINATES
 from mrwork.buildings.frames import building as published_building
@@ -50,7 +51,8 @@ from mrwork.buildings.plane_building import Building, source_with
 from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states, static_condensation
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
-from mrwork.files.matrices import read_matrices, read_matrix
+from mrwork.files.matlab import Variables, describe_left_out, matrices_among
+from mrwork.files.matrices import read_contents, read_matrix
 from mrwork.store.input_file import TOML, is_folder, text_of
 from mrwork.store.parse import toml_lines
 from mrwork.store.run_folder import real_path
@@ -61,7 +63,8 @@ _Names = tuple[str, ...]
 _Addition = Arguments | None
 _Additions = tuple[Arguments, ...] | Arguments | None
 _OR_FILE: Final = (
-    ", as rows or the name of a text file; with `published` or `file` it replaces the matrix of the building"
+    ", as rows or the name of a file, of a .mat file also with the variable as `frame.mat:M`; with `published` or "
+    "`file` it replaces the matrix of the building"
 )
 
 
@@ -83,6 +86,9 @@ class BuildingTable:
     inputs: tuple[int | str, ...] | None = optional(
         'what each column of its B is: "ground", the ground acceleration, or the storey of a force of dampers, which '
         "says the masses where there is no M"
+    )
+    units: str | None = optional(
+        "units of the numbers in these matrices, of mass, force and perhaps length: `t, kN`, `t, N, mm`; SI by default"
     )
     mass: _Rows | str | None = optional(f"mass matrix{_OR_FILE}", unit="kg", file=True)
     damping: _Rows | str | None = optional(f"damping matrix{_OR_FILE}", unit="N s/m", file=True)
@@ -113,6 +119,9 @@ class BuildingTable:
     source: str | None = optional("origin of its numbers")
     n_strokes: int | None = optional(
         "number of last rows of storeys that are strokes of what is built in, no drifts", least=0
+    )
+    isolators: _Names | None = optional(
+        "names of storeys that are isolators, as those of height 0 are, whose displacements are strokes and no drifts"
     )
     height: float | None = positive("height of every storey, of which drift ratios are shares", unit="m")
     heights: _Numbers | None = optional(
@@ -196,22 +205,25 @@ def read_building(path: str | Path) -> Building:
     SettingError
         The content does not describe a building; the message names file and key.
     """
-    built = _read(Path(path), (), {})
+    built = _read(Path(path), (), BuildingTable(), {})
     with Place(origin=str(path)).prefix_errors():
         return static_condensation(built).check()
 
 
-def _read(path: Path, readers: tuple[Path, ...], arrays: Mapping[str, Floats]) -> Building:
+def _read(
+    path: Path, readers: tuple[Path, ...], over: BuildingTable, arrays: Mapping[str, Floats]
+) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles.
 
-    Matrices, which are not judged here, get the `arrays` of a table beside them, as those have other rows.
+    The table `over` it states the units of matrices, before which its `arrays` go; matrices are not judged here.
     """
     if real_path(path) in readers:
         raise InvalidSettingError((), f"{path} refers back to itself; name the file of another building")
     if is_folder(path) or path.suffix.lower() == ".mat":
-        table = BuildingTable(name=path.stem, source=str(path))
         with Place(origin=str(path)).prefix_errors():
-            return _from_matrices({**read_matrices(path, _TITLES), **arrays}, table)
+            given, source = _choose_matrices(read_contents(path, _TITLES), path, arrays)
+            table = BuildingTable(name=path.stem, source=source)
+            return _from_matrices({**_in_si(given, over), **arrays}, table)
     if path.suffix.lower() != ".toml":
         raise RecordError(
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
@@ -241,10 +253,11 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
     form = forms[0]
     foreign: tuple[str, ...] = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
     foreign += ("damping", "stiffness") if form == "system" else ("inputs",)
+    foreign += () if form in ("file", "mass") else ("units",)
     with all_mistakes() as part:
         for name in foreign:
             if name in keys:
-                goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
+                goes = {"inputs": "system", **dict.fromkeys(_SHEAR, "masses")}.get(name, "matrices")
                 with part():
                     raise InvalidSettingError(
                         name, f"{name} goes with {goes}, and this building is given by {form}"
@@ -266,13 +279,18 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
         elif form == "system":
             built = _from_system(table, folder)
         else:
+            in_si = isinstance(table.file, Building) or Path(table.file or "").suffix.lower() == ".toml"
+            if table.units and in_si and not arrays:
+                raise InvalidSettingError(
+                    "units", "units are of matrices; state them where the matrices stand"
+                )
             with keyed(form):
                 if table.published is not None:
                     built = published_building(table.published)
                 elif isinstance(table.file, Building):
                     built = table.file
                 else:
-                    built = _read(folder / str(table.file), readers, arrays)
+                    built = _read(folder / str(table.file), readers, table, arrays)
             built = _with_matrices(built, arrays)
         built = _with_statements(built, table)
         if table.condense is not False:
@@ -324,7 +342,8 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
         )
     strokes = np.zeros(len(building.storeys) - count)
     stated: dict[str, Any] = {
-        **named(table, "name", "source", "floor_names", "storey_names", "n_strokes", "drift_limit"),
+        **named(table, "name", "source", "floor_names", "storey_names", "n_strokes", "isolators"),
+        **named(table, "drift_limit"),
         "elements": (*building.elements, *elements),
         "heights": None if heights is None else np.append(heights, strokes),
         "loads": None if table.loads is None else np.append(table.loads, strokes),
@@ -358,6 +377,26 @@ def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
     return replace(building, **arrays, status=status, source=source)
 
 
+def _in_si(arrays: Mapping[str, Floats], table: BuildingTable) -> dict[str, Floats]:
+    """Arrays in SI, of which mass, damping and stiffness are in the units of a table: mass, force, perhaps length."""
+    if table.units is None:
+        return dict(arrays)
+    given = [unit_of(text.strip()) for text in table.units.split(",")]
+    mass, force, length = (
+        [unit.factor for unit in given if unit and (known := unit_of(si)) and unit.powers == known.powers]
+        for si in ("kg", "N", "m")
+    )
+    if not len(mass) == len(force) == 1 or len(given) != 2 + len(length[:1]):
+        raise InvalidSettingError(
+            "units",
+            f"units is '{table.units}' where a unit of mass, one of force and perhaps one of length were expected, as "
+            "in 't, kN' or 't, N, mm'",
+        )
+    stiffness = force[0] / (length or [1.0])[0]
+    factors = {"mass": mass[0], "damping": stiffness, "stiffness": stiffness}
+    return {name: factors[name] * array if name in factors else array for name, array in arrays.items()}
+
+
 def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
     arrays: dict[str, Floats] = {}
     for name in (*_MATRICES, *_ROWS, "influence"):
@@ -368,7 +407,7 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
                 arrays[name] = read.ravel() if name == "influence" else read
         elif value is not None:
             arrays[name] = np.array(value, dtype=np.float64)
-    return arrays
+    return _in_si(arrays, table)
 
 
 def _from_system(table: BuildingTable, folder: Path) -> Building:
@@ -376,11 +415,15 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
     path = folder / str(table.system)
     name, arrays = table.name or path.stem, _arrays(table, folder)
     with keyed("system"):
-        matrices = read_matrices(path, ("A", "B", "M"))
+        contents = read_contents(path, ("A", "B", "M", "mass"))
+        matrices = matrices_among(contents)
         if "A" not in matrices:
-            raise InvalidSettingError(
-                (), f"{path}: a state space needs A, and M or B; found {', '.join(matrices) or 'nothing'}"
-            )
+            found = describe_left_out(contents) or "nothing"
+            raise InvalidSettingError((), f"{path}: a state space needs A, and M or B; found {found}")
+        rest = {name: content for name, content in contents.items() if name not in ("A", "B")}
+        given, source = _choose_matrices(
+            rest, path, {*_TITLES.values(), *arrays} - ({"mass"} - arrays.keys())
+        )
         A = matrices["A"]
         B = matrices.get("B", np.empty((len(A), 0)))
         for letter, matrix, width in (("A", A, len(A)), ("B", B, B.shape[-1])):
@@ -389,7 +432,7 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
                     (), f"{path}: {letter} has shape {matrix.shape}; give {(len(A), width)}"
                 )
         order, n = order_of_states(A, name), len(A) // 2
-    mass, inputs = arrays.get("mass", matrices.get("M")), table.inputs or ()
+    mass, inputs = arrays.get("mass", given.get("mass")), table.inputs or ()
     if inputs and len(inputs) != B.shape[1]:
         raise InvalidSettingError(
             "inputs",
@@ -398,7 +441,7 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
     if "ground" in inputs and "influence" not in arrays:
         arrays["influence"] = -B[order[n:], inputs.index("ground")]
     shape: dict[str, Any] = {title: arrays[title] for title in ("influence", *_ROWS) if title in arrays}
-    built = partial(building_of, A, name=name, source=table.source or str(path), **shape)
+    built = partial(building_of, A, name=name, source=table.source or source, **shape)
     with keyed("system"):
         building = built(mass=mass)
     forces = [number for number, input_name in enumerate(inputs) if input_name != "ground"]
@@ -416,12 +459,43 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
     return building
 
 
+def _choose_matrices(
+    contents: Variables, path: Path, instead: Collection[str]
+) -> tuple[dict[str, Floats], str]:
+    """The matrices of a building in a file by title but `instead`, and its name with the rest of its contents.
+
+    A vector is no matrix of the building where a matrix has its other name. Of two that are not equal none is taken.
+    """
+    matrices, chosen = matrices_among(contents), dict[str, str]()
+    is_large = any(min(matrix.shape) > 1 for matrix in matrices.values())
+    for title in dict.fromkeys(_TITLES.values()):
+        names = [name for name in matrices if _TITLES.get(name) == title and title not in instead]
+        if title in _MATRICES:
+            names = [name for name in names if min(matrices[name].shape) > 1] or names
+        elif is_large:
+            # A radius r, a number of storeys.
+            names = [name for name in names if matrices[name].size > 1]
+        if any(not np.array_equal(matrices[name], matrices[names[0]]) for name in names[1:]):
+            listed = " or ".join(f"'{name}'" for name in names)
+            of_file = f"{path.name}:{names[0]}" if path.suffix else f"{path.name}/{names[0]}.csv"
+            raise InvalidSettingError(
+                (),
+                f"{title} may be {listed}, which differ; name one by a key of the building, as in "
+                f'{title} = "{of_file}"',
+            )
+        chosen |= dict.fromkeys([title], names[0]) if names else {}
+    rest = describe_left_out({name: of for name, of in contents.items() if name not in chosen.values()})
+    source = f"{path}; not used: {rest}" if rest else str(path)
+    return {title: matrices[name] for title, name in chosen.items()}, source
+
+
 def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:
-    given: dict[str, Any] = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
+    """The building of matrices by title."""
+    given: dict[str, Any] = dict(matrices)
     for title in ("mass", "stiffness"):
         if title not in given:
-            names = ", ".join(matrices) or "nothing"
-            sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {names}"
+            found = f"found {', '.join(matrices) or 'nothing'} in {table.source or 'the table'}"
+            sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); {found}"
             raise InvalidSettingError((), sentence)
     if "influence" in given:
         given["influence"] = given["influence"].ravel()

@@ -24,7 +24,12 @@ def joined_units(units: Iterable[str | None]) -> str:
 
 def sends_shares(devices: Sequence[Device]) -> bool:
     """Whether commanded devices follow commands in several units: one for all is a share of the largest of each."""
-    return len({device.spec.command_unit for device in commanded(devices)}) > 1
+    return len({device.command_unit for device in commanded(devices)}) > 1
+
+
+def sends_forces(devices: Sequence[Device]) -> bool:
+    """Whether the devices that a law commands are actuators, of which the command is a force [N]."""
+    return any(device.is_actuator for device in commanded(devices))
 
 
 def largest_command(devices: Sequence[Device]) -> float:

@@ -125,7 +125,7 @@ def with_lead_rubber_bearings(
     yield_displacement: Annotated[
         Positive, Says("displacement at which the leads yield", unit="m", usual=_YIELDS)
     ] = 0.01,
-    sharpness: Sharpness = 2.0,
+    sharpness: Sharpness = 20.0,
     name: Name = "lead-rubber bearings",
 ) -> Building:
     """The building on a base slab with lead-rubber bearings between slab and ground.
@@ -133,8 +133,9 @@ def with_lead_rubber_bearings(
     The rubber is the spring of `with_base_isolation_of_period`, the lead a loop in parallel:
     `f = K_d x + Q_d w` with the post-yield stiffness K_d and the characteristic strength Q_d, the force at no
     displacement (Naeim, Kelly, Design of Seismic Isolated Structures, 1999, ch. 3). Before the leads yield the
-    stiffness is `K_d + Q_d / yield_displacement`. At five yield displacements the force agrees with the bilinear loop
-    to 0.01 % with the default sharpness, to 0.7 % of Q_d with any.
+    stiffness is `K_d + Q_d / yield_displacement`. Accelerations see the knee: with the default sharpness those of the
+    roof of a frame of three storeys under five motions are within 1 % of the bilinear loop. With the round knee 2 of
+    many bearing programs they are 3 to 16 % smaller, and strokes within 3 %.
 
     Raises
     ------

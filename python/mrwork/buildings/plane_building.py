@@ -79,6 +79,8 @@ class Building(Structure, Plotted, Summarised):
         building is simulated, and are not in K. Empty without them.
     drift_limit
         Drift ratio that the building is to keep, as 0.01; 0 if none is stated. Pages draw it.
+    isolators
+        Names of storeys that are isolators, as those of height 0 are: strokes and no drifts, whatever carries them.
     condensed, condensing
         Numbers of the coordinates that `static_condensation` has condensed, and its remarks.
 
@@ -266,8 +268,8 @@ class Building(Structure, Plotted, Summarised):
                 ("masses", _listed(np.diag(self.mass), "kg") if len(self.storey_stiffnesses) else ""),
                 ("stiffnesses", _listed(self.storey_stiffnesses, "N/m")),
                 ("heights", _listed(self.drift_heights, "m")),
-                ("yield at", _listed(1e3 * self.yield_drifts[: len(self.drifts)], "mm of drift")),
-                ("P-delta", _listed(self.loads[: len(self.drifts)], "N") if self.loads.any() else ""),
+                ("yield at", _listed(1e3 * self.of_drifts(self.yield_drifts), "mm of drift")),
+                ("P-delta", _listed(self.of_drifts(self.loads), "N") if self.loads.any() else ""),
                 ("passive", ", ".join(element.name for element in self.added)),
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),

@@ -39,6 +39,7 @@ class Structure:
     heights: Floats = field(default_factory=lambda: np.empty(0))
     loads: Floats = field(default_factory=lambda: np.empty(0))
     drift_limit: NotNegative = 0.0
+    isolators: tuple[str, ...] = ()
     condensed: tuple[Whole, ...] = ()
     condensing: tuple[Remark, ...] = ()
     _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
@@ -55,19 +56,45 @@ class Structure:
         return np.delete(whole, np.array(self.condensed, dtype=np.intp) - 1)
 
     @property
-    def drifts(self) -> Floats:
-        """The rows of `storeys` that are drifts between floors, shape (n_storeys - n_strokes, n)."""
+    def chain(self) -> Floats:
+        """The rows of `storeys` that stand between ground and floors: drifts and isolators, without other strokes."""
         return self.storeys[: len(self.storeys) - self.n_strokes]
+
+    @property
+    def isolates(self) -> NDArray[np.bool_]:
+        """Whether a row of `storeys` is of isolators, named or without height between storeys with one."""
+        of_chain = np.arange(len(self.storeys)) < len(self.chain)
+        found = of_chain & np.array([name in self.isolators for name in self.storey_names], dtype=bool)
+        if self.heights.any():
+            found |= of_chain & (self.heights == 0.0)
+        return found if (of_chain & ~found).any() else np.zeros_like(found)
+
+    @property
+    def drifts(self) -> Floats:
+        """The rows of `storeys` that are drifts of a frame: no isolators, no other strokes; shape (n_drifts, n)."""
+        return self.of_drifts(self.storeys)
+
+    def of_drifts(self, values: Floats) -> Floats:
+        """Those of numbers for each storey that belong to `drifts`; empty where they are not known."""
+        is_drift = ~self.isolates & (np.arange(len(self.storeys)) < len(self.chain))
+        return values[is_drift] if len(values) else values
 
     @property
     def drift_names(self) -> tuple[str, ...]:
         """Names of the storeys whose drifts `drifts` has."""
-        return self.storey_names[: len(self.drifts)]
+        return tuple(self.of_drifts(np.array(self.storey_names, dtype=object)).tolist())
 
     @property
     def drift_heights(self) -> Floats:
-        """Heights of the storeys whose drifts `drifts` has [m], shape (n_storeys - n_strokes,), or empty."""
-        return self.heights[: len(self.drifts)]
+        """Heights of the storeys whose drifts `drifts` has [m], shape (n_drifts,), or empty."""
+        return self.of_drifts(self.heights)
+
+    @property
+    def frame_floors(self) -> tuple[str, ...]:
+        """Names of the floors without the slabs that isolators carry alone."""
+        slabs = self.storeys[self.isolates]
+        pairs = zip(self.floor_names, self.floors, strict=True)
+        return tuple(name for name, row in pairs if not (slabs == row).all(axis=1).any())
 
     @property
     def site_stiffness(self) -> Floats:
@@ -130,7 +157,7 @@ class Structure:
         The inertia that does work on such a row is the shear of the storey. Zeros for strokes, and for all rows where
         drifts and strokes do not determine the coordinates or the floors are no chain.
         """
-        none, drifts, inverse = np.zeros_like(self.storeys), len(self.drifts), self._from_stretched
+        none, drifts, inverse = np.zeros_like(self.storeys), len(self.chain), self._from_stretched
         if not inverse.size or len(self.floors) != drifts:
             return none
         none[:drifts] = inverse.T[:drifts]
@@ -150,14 +177,14 @@ class Structure:
         return np.asarray(springs if (springs > 0.0).all() else np.empty(0))
 
     def _springs_of(self, stiffness: Floats) -> Floats:
-        """Storey springs [N/m], shape (n_drifts,), that make a stiffness matrix; empty if no springs do."""
+        """Storey springs [N/m], shape (n_chain,), that make a stiffness matrix; empty if no springs do."""
         inverse = self._from_stretched
         if not inverse.size:
             return np.empty(0)
         springs = inverse.T @ stiffness @ inverse
         diagonal = np.diag(springs)
         is_chain = np.allclose(springs, np.diag(diagonal), rtol=0.0, atol=_CHAIN * np.abs(diagonal).max())
-        return np.array(diagonal[: len(self.drifts)]) if is_chain else np.empty(0)
+        return np.array(diagonal[: len(self.chain)]) if is_chain else np.empty(0)
 
     @property
     def _from_stretched(self) -> Floats:
@@ -168,7 +195,7 @@ class Structure:
         rows = self.storeys.copy()
         if rows.shape != self.mass.shape:
             return np.empty(0)
-        for row in rows[len(self.drifts) :]:
+        for row in rows[len(self.chain) :]:
             last = int(np.flatnonzero(row)[-1]) if row.any() else 0
             if row[last] < 0.0:
                 row[:] = np.eye(len(row))[last]

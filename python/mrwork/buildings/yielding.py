@@ -82,7 +82,7 @@ def with_storeys_that_yield(
         for each, given in ((name, value), ("post_yield_ratio", post_yield_ratio), ("sharpness", sharpness))
     )
     if yield_drift_ratio is not None:
-        drifts = drifts * building.drift_heights
+        drifts = drifts * building.heights[:count]
     elif yield_shear is not None:
         drifts = drifts / stiffnesses
     loops = tuple(
@@ -215,8 +215,8 @@ class Pushover(Plotted, Summarised):
             Column("", "roof", "mm", of=(1e3 * self.roof).item),
             Column("", "over height", "%", shown=3, of=over_height.item),
             Column("", "base shear", "kN", of=(self.base_shear / 1e3).item),
-            Column("", "largest drift", "mm", of=(1e3 * self.drifts.max(axis=1)).item),
-            Column("", "in storey", of=(1 + self.drifts.argmax(axis=1)).item),
+            Column("", "largest drift", "mm", of=(1e3 * np.abs(self.drifts).max(axis=1)).item),
+            Column("", "in storey", of=(1 + np.abs(self.drifts).argmax(axis=1)).item),
         )
         return Summary(
             title=f"Pushover of {self.name}, forces as {self.pattern}",
@@ -250,11 +250,11 @@ def pushover(
     SettingError
         If the floors are no chain, or storeys yield at drifts too small for the push.
     """
-    drifts, floors = building.check().drifts, building.floors
+    drifts, floors = building.check().chain, building.floors
     if not building.unit_drifts.any():
         raise SettingError(f"{building.name} is no chain of floors; a pushover is of one")
     units = building.unit_drifts[: len(drifts)]
-    heights = building.drift_heights
+    heights = building.heights[: len(drifts)]
     levels = np.cumsum(heights) if heights.size else np.arange(1.0, len(floors) + 1.0)
     shape = building.influence.copy()
     if pattern == "first mode":
@@ -329,11 +329,11 @@ def _far(building: Building, force: Floats, height: float) -> float:
     """Displacement of the roof that a push goes to [m], where none is asked for."""
     if height > 0.0:
         return _FAR * height
-    yields = building.yield_drifts[: len(building.drifts)]
+    yields = building.yield_drifts[: len(building.chain)]
     elastic = np.linalg.solve(building.stiffness, force)
     if not yields.any():
         return building.total_mass * STANDARD_GRAVITY * float(abs(building.floors[-1] @ elastic))
-    drifts = np.abs(building.drifts @ elastic)
+    drifts = np.abs(building.chain @ elastic)
     first = float(np.min(np.divide(yields, drifts, out=np.full(len(yields), np.inf), where=yields > 0.0)))
     return _DUCTILE * first * float(abs(building.floors[-1] @ elastic))
 

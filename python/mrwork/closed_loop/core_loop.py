@@ -87,9 +87,7 @@ class LoopOfRuns:
     @property
     def is_own(self) -> bool:
         """Whether some of its dampers are models of the user, which the core does not have."""
-        return (
-            any(device.spec.own is not None for device in self.devices) and not self.law.spec.commands_force
-        )
+        return any(device.spec.own is not None for device in self.devices)
 
     def core(self) -> CoreLoop:
         """The same for the core, which is made anew in each process."""
@@ -124,10 +122,7 @@ class CoreLoop:
             return self._simulator_in_jax(runs, histories=histories)
         law, n = loop.law, loop.n_commanded
         with core_refusals():
-            if law.spec.commands_force:
-                dampers = [_actuators(n), *_core_dampers(loop.devices[n:], runs.theta[1:])]
-            else:
-                dampers = _core_dampers(loop.devices, runs.theta)
+            dampers = _core_dampers(loop.devices, runs.theta)
             controller = _rust.Controller(
                 law.name,
                 np.ascontiguousarray(runs.gains),
@@ -236,22 +231,14 @@ def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_r
     ]
 
 
-def _actuators(count: int) -> _rust.Dampers:
-    return _rust.Dampers(
-        model="ideal_actuator",
-        laws=["linear"],
-        theta=np.tile([0.0, 1.0], (1, count, 1)),
-        counts=[1.0] * count,
-        differential=[False] * count,
-        # No limit: an unstable loop overflows and ends as diverged before it.
-        ranges=[(-1e300, 1e300)] * count,
-    )
-
-
 def _range_of(device: Device) -> tuple[float, float]:
-    """Smallest and largest command; twice the command that a device holds."""
+    """Smallest and largest command, of an actuator forces; twice the command that a device holds."""
     if device.command is not None:
         return float(device.command), float(device.command)
+    if device.is_actuator:
+        # Without a limit, an unstable loop overflows and ends as diverged before this one.
+        most = min(float(device.largest_command), 1e300)
+        return -most, most
     return 0.0, float(device.largest_command)
 
 
@@ -312,6 +299,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
         storeys=building.drifts,
         storey_names=building.drift_names,
         heights=building.drift_heights,
+        isolators=(),
         loads=np.empty(0),
         n_strokes=0,
     )

@@ -44,12 +44,11 @@ class Scales(Summarised):
     @staticmethod
     def of(building: Building) -> Scales:
         """The scales of a building without dampers."""
-        drifts = len(building.drifts)
         return Scales(
             weight=building.total_mass * STANDARD_GRAVITY,
             heights=building.drift_heights,
-            yield_drifts=building.yield_drifts[:drifts],
-            loads=building.loads[:drifts],
+            yield_drifts=building.of_drifts(building.yield_drifts),
+            loads=building.of_drifts(building.loads),
         )
 
     @staticmethod

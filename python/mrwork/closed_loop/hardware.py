@@ -107,7 +107,9 @@ class Hardware(Summarised):
         least=0.0,
         usual=_DELAYS,
     )
-    command_rate: float = positive("largest rate of the command", unit="A/s or V/s", default=math.inf)
+    command_rate: float = positive(
+        "largest rate of the command, of actuators of the force", unit="A/s or V/s or N/s", default=math.inf
+    )
     feedback: Feedback = key(
         "feedback of the law: the true state, or the estimate of an observer", default="state"
     )

@@ -43,6 +43,7 @@ def beyond_twin(
     simulated = devices[len(commanded(devices)) :] if actuators else devices
     user_dampers = [device.spec.name for device in simulated if device.spec.own is not None]
     lacking = lacking_in_twin(building, hardware, law) if user_dampers else []
+    lacking += ["actuators"] * any(device.is_actuator for device in simulated if user_dampers)
     if not lacking:
         return ""
     return (

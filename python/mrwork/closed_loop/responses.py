@@ -129,7 +129,7 @@ class Labelled:
 
 def command_unit_of(devices: Sequence[Device]) -> str:
     """Unit of the commands of these devices; "A or V" where none follows a command."""
-    return joined_units(device.spec.command_unit for device in commanded(devices)) or COMMAND_UNIT
+    return joined_units(device.command_unit for device in commanded(devices)) or COMMAND_UNIT
 
 
 def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) -> dict[str, NamedArray]:
@@ -233,7 +233,8 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     damping, device and element energy during the run, relative to the largest energy. `steps` is the number of
     integration steps per sample, `shape` the numbers of candidates, motions and draws. `devices` are the dampers, none
     where actuators replace them; `seconds` are the lengths of the motions. `slopes` are the exact derivatives of the
-    `numbers` along each direction in the gains that the `LoopVariation` has.
+    `numbers` along each direction in the gains that the `LoopVariation` has. `law_remarks` are on a gain that no design
+    has looked at.
     """
 
     shape: tuple[int, int, int]
@@ -245,6 +246,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     seconds: tuple[float, ...] = ()
     motions: tuple[str, ...] = ()
     slopes: tuple[Mapping[str, Floats], ...] = ()
+    law_remarks: tuple[Remark, ...] = ()
 
     @checked
     def over_axes(self, name: str) -> Floats:
@@ -317,7 +319,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """On each quantity outside the tested ranges of the devices, and on each law out of its range."""
+        """On the gain, each quantity outside the tested ranges of the devices, and each law out of its range."""
         finished = np.flatnonzero(np.isfinite(self.energy_error))
         # One of the runs with the largest or the smallest value of a quantity is the worst.
         cases = [
@@ -327,7 +329,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
         ]
         worst = (outside_remark(exceedance, f", {name}") for exceedance, name, _ in worst_of(cases))
         limits = worst_laws(limit for _, case in cases for limit in case.laws)
-        return (*worst, *(limit.remark(LAW_BEYOND) for limit in limits))
+        return (*self.law_remarks, *worst, *(limit.remark(LAW_BEYOND) for limit in limits))
 
     def _least_stroke(self, run: int, device: int) -> float | None:
         return None if self.histories is None else least_stroke(self.histories[run].deformation[:, device])

@@ -15,10 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import May, Threads, Whole, checked
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device as Device
-from mrwork.buildings.groups import commanded, groups_of, refuse_order, refuse_rate, sends_shares
+from mrwork.buildings.device import as_actuators, elongation_rows
+from mrwork.buildings.groups import (
+    commanded,
+    groups_of,
+    refuse_order,
+    refuse_rate,
+    sends_forces,
+    sends_shares,
+)
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.core_loop import CoreLoop, LoopOfRuns, RunsOfLoop, Simulator, respond_alone, theta_of
 from mrwork.closed_loop.evaluation import criteria
@@ -28,6 +37,9 @@ from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
+from mrwork.control.laws.gain_conventions import gain_remarks
+from mrwork.control.laws.law_settings import SETTINGS
+from mrwork.control.linear.plant import plant_of
 from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
@@ -98,7 +110,8 @@ def simulate_loop(
     """Simulate every candidate of the law under every motion with every draw of the dampers.
 
     Building, dampers and driver are integrated as one system by the classical Runge-Kutta method; the law receives
-    measurements at its sample times. Ideal actuators replace the dampers if the law commands forces.
+    measurements at its sample times. Ideal actuators replace the dampers if the law commands forces, without the rate
+    of their drivers; actuators of one's own are `mr.buildings.ideal_actuator`.
 
     Parameters
     ----------
@@ -152,20 +165,25 @@ def simulate_loop(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
         )
     refuse_order(devices)
+    driven, actuators = commanded(devices), law.spec.commands_force
+    if actuators:
+        if not sends_forces(devices):
+            # Its rate is one of the drivers of dampers.
+            hardware = replace(hardware, command_rate=math.inf)
+        driven = as_actuators(driven, law.largest_force)
+        devices = (*driven, *devices[len(driven) :])
     refuse_rate(devices, hardware.command_rate, "command_rate")
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
-    driven = commanded(devices)
-    if user is None:
-        refuse_units(law.spec, devices)
     n_states = 2 * len(building.check().mass)
     gains = law.gain_rows(len(driven), n_states)
+    if user is None and not (sends_forces(devices) and gains.size and not gains.any()):
+        refuse_units(law.spec, devices)
     shaping, counts = _core_shaping(law, shaping), {"gains": len(gains)}
     slope = math.inf
     if shaping is not None:
         slope, counts["`shaping`"] = float(shaping[:, 1].min()), len(shaping)
         refuse_rate(devices, slope, "command_slope")
-    actuators = law.spec.commands_force
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
             f"{law.name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
@@ -177,9 +195,6 @@ def simulate_loop(
     if lacking := beyond_twin(building, devices, hardware, name):
         raise SettingError(lacking)
     theta = theta_of(devices)
-    if actuators:
-        beside = devices[len(driven) :]
-        theta = (np.empty((1, len(driven), 0)), *(theta_of(beside) if beside else ()))
     n_draws = len(theta[-1])
     factors: Floats | None = None
     if largest_commands is not None:
@@ -251,13 +266,19 @@ def simulate_loop(
         shaping=shaping,
         theta=theta,
     )
+    law_remarks: tuple[Remark, ...] = ()
+    # A design has looked at its own gain.
+    if SETTINGS[law.name].is_regulator and law.margins is None and len(gains) == 1:
+        plant = plant_of(building, elongation_rows(building, driven))
+        law_remarks = tuple(gain_remarks(plant, np.reshape(law.gains["gain"], (len(driven), n_states))))
     core, workers = loop.core(), present_workers()
     if workers is None or histories or user is not None or changes is not None:
         simulate = core.simulator(runs, histories=histories, threads=threads, changes=changes)
         parts, order = _respond_here(loop, runs, simulate, user, on_progress)
     else:
         parts, order = _respond_elsewhere(workers, loop, runs, on_progress), np.arange(len(runs.runs))
-    return _responses(core, runs, parts, order, varied or [building], factors)
+    responses = _responses(core, runs, parts, order, varied or [building], factors)
+    return replace(responses, law_remarks=law_remarks)
 
 
 def _distinct(buildings: Sequence[Building], building: Building) -> tuple[list[Building], list[int]]:
@@ -405,7 +426,7 @@ def _responses(
             )
             for run in at
         ),
-        devices=() if loop.law.spec.commands_force else loop.devices,
+        devices=() if sends_forces(loop.devices) else loop.devices,
         seconds=tuple(motion.duration for motion in motions),
         motions=tuple(motion.name for motion in motions),
         numbers=by_name(summary),

@@ -84,7 +84,7 @@ class LoopSample(Summarised):
     drift
         Drifts of the storeys with a sensor, in the order of the hardware, shape (n_runs, n_measured_storeys) [m].
     largest
-        Largest command of each device, shape (n_devices,) [A or V].
+        Largest command of each device, shape (n_devices,) [A or V]; of an actuator its largest force [N].
     rms
         Running root mean squares of the readings, where the law has an `rms_time`; otherwise `None`.
     """
@@ -94,7 +94,7 @@ class LoopSample(Summarised):
         "displacement": "m",
         "velocity": "m/s",
         **RunningRms._units,
-        "largest": "A or V",
+        "largest": "A, V or N",
     }
 
     time: float
@@ -166,7 +166,8 @@ class UserLaw(Summarised):
         Name in messages.
     command
         Takes a `LoopSample` and the memory, and returns the command of each run and device, shape (n_runs, n_devices),
-        or (n_runs,) for one device. The loop limits it to the range of the device, delays and holds it. It is called
+        or (n_runs,) for one device. The command of an actuator is a force of either sign that resists its lengthening
+        [N]. The loop limits it to the range of the device, delays and holds it. It is called
         with several runs at once: candidates, motions, draws. A command that is not a number is an error, unless a
         reading of its run is not one either. The working directory, stdout and stderr are after each call what they
         were before.

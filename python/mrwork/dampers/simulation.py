@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from types import ModuleType
 from typing import Annotated, ClassVar
 
@@ -31,6 +32,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
+from mrwork.dampers.laws import CommandLaw
 from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, SettingError, SimulationError
@@ -337,7 +339,12 @@ def _outcome_of(force: Floats, substeps: NDArray[np.uint32]) -> NDArray[np.uint8
 
 
 def _laws(spec: DamperSpec) -> tuple[list[str], bool]:
-    return [*map(str, spec.laws)], spec.lagged
+    return [*_texts(spec.laws)], spec.lagged
+
+
+@lru_cache(maxsize=64)
+def _texts(laws: tuple[CommandLaw, ...]) -> tuple[str, ...]:
+    return tuple(map(str, laws))
 
 
 def _rows(spec: DamperSpec, theta: ArrayLike) -> Floats:

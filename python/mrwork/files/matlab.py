@@ -1,13 +1,15 @@
 """Numeric vectors and matrices of MATLAB .mat files, versions 4 to 7; files of version 7.3 are HDF5.
 
 SciPy reads these files too, but a damaged type tag ends the whole process in its reader (1.17), and it allocates the
-size that a header claims before it checks whether the file can hold it. Here every size is counted first.
+size that a header claims before it checks whether the file can hold it. Here every size is counted first. What is no
+real numbers, such as an object, is left out and named; DECISIONS.md says what SciPy in a process of its own costs.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
+import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
@@ -18,14 +20,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.layout import numbered_names
-from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
+from mrwork.files.named_columns import ColumnTable, VectorTable
 from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
 from mrwork.store.members import members_of, readable
 
 _DAMAGED: Final = "it is cut off or damaged, save it again"
+# Variables that a sentence lists.
+_MOST_NAMED: Final = 12
 # A test has as many samples at least.
 _FEWEST_ROWS: Final = 10
 _HDF5: Final = b"\x89HDF"
@@ -46,92 +51,147 @@ _MATRIX: Final = 14
 _COMPRESSED: Final = 15
 _STRUCT: Final = 2
 _SPARSE: Final = 5
+# An object of a class in the language of MATLAB, as `ss` or a string: it has no dimensions.
+_OPAQUE: Final = 17
 _NUMERIC_CLASSES: Final = range(6, 16)
+_OTHER_CLASSES: Final[Mapping[int, str]] = {1: "a cell array", 3: "an object", 4: "text", 16: "a function"}
 _V5_ITEMS: Final[Mapping[int, str]] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
 _COMPLEX_FLAG: Final = 0x0800
+_COMPLEX: Final = "complex numbers"
+# Bytes of an entry of `Variables`, beside its numbers.
+_ENTRY: Final = 300
+# Names of classes in version 7.3, of which each type of integers has its own.
+_OTHERS_73: Final = {"char": "text", "cell": "a cell array", "function_handle": "a function"}
+_NUMBERS_73: Final = re.compile(r"double|single|logical|u?int\d+")
+_NO_NUMBERS_73: Final = {"MATLAB_empty", "MATLAB_object_decode"}
+# Levels of structs in structs of version 7.3.
+_DEPTH_73: Final = 5
 
-Variables = dict[str, "NDArray[np.generic] | None"]
+Variables = dict[str, "NDArray[np.generic] | str"]
+"""Contents by name, those of fields of structs by path (`model.M`, `eq(2).ag`); for other than real numbers, words."""
 Block = bytes | memoryview
 
 
-def open_matlab(path: Path) -> ColumnTable:
-    """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct.
+def open_matlab(path: Path, column: str | None = None) -> ColumnTable:
+    """Open a .mat file; the columns are its numeric vectors, or those in the fields of its structs, by path.
 
-    Without vectors they are the columns of its only matrix, or its rows where these are longer, by their numbers.
+    Where `column` is in a struct, they are the vectors of this struct by their names in it. Without vectors they are
+    the columns of the only matrix, or its rows where these are longer, by their numbers.
     """
-    data, variables = _variables(path, RECORD)
-    columns = {
+    data, variables = read_variables(path, RECORD, column)
+    vectors = {
         name: array.ravel()
         for name, array in variables.items()
-        if array is not None and array.size == max(array.shape, default=0)
+        if isinstance(array, np.ndarray) and array.size == max(array.shape, default=0)
     }
+    inside = column.rpartition(".")[0] if column in vectors else ""
+    columns = {name: vector for name, vector in vectors.items() if name.rpartition(".")[0] == inside}
+    if max((vector.size for vector in columns.values()), default=0) < 2:
+        columns = vectors
     matrices = [
         name
-        for name, array in variables.items()
-        if array is not None and array.ndim == 2 and min(array.shape) > 1 and max(array.shape) >= _FEWEST_ROWS
+        for name, matrix in matrices_among(variables).items()
+        if min(matrix.shape) > 1 and max(matrix.shape) >= _FEWEST_ROWS
     ]
-    if max((column.size for column in columns.values()), default=0) < 2 and len(matrices) == 1:
-        matrix = np.asarray(variables[matrices[0]])
+    if max((vector.size for vector in columns.values()), default=0) < 2 and len(matrices) == 1:
+        matrix = np.asarray(variables.pop(matrices[0]))
         rows = matrix if matrix.shape[0] < matrix.shape[1] else matrix.T
         columns = dict(zip(numbered_names(len(rows)), rows, strict=True))
-        variables.pop(matrices[0])
     if not columns:
-        listed = ", ".join(f"'{name}'" for name in variables) or "nothing"
         raise RecordError(
-            f"{path}: expected one numeric vector per quantity, found {listed}; "
-            "save each column as a variable of its own, such as t_s, displacement_m, force_n"
+            f"{path}: expected one numeric vector per quantity, found {describe_left_out(variables) or 'nothing'}; "
+            "save the time and each quantity as a variable of its own"
         )
-    others = [f"'{name}'" for name in variables if name not in columns]
+    left_out = describe_left_out({name: of for name, of in variables.items() if name not in columns})
     return VectorTable(
         source=str(path),
         sha256=hashlib.sha256(data).hexdigest(),
-        vectors=columns,
-        unused=unused_parts("variable", others, "no vector of numbers"),
+        vectors={name.removeprefix(f"{inside}."): vector for name, vector in columns.items()},
+        unused=(f"variables {left_out}",) if left_out else (),
     )
 
 
-def read_matlab_matrices(path: Path, kind: FileKind = MATRIX) -> dict[str, Floats]:
-    """Read the real matrices of a .mat file, or of its only struct, by name; sparse matrices become dense."""
-    _, variables = _variables(path, kind)
+def describe_left_out(variables: Variables) -> str:
+    """What variables hold, in words; empty without any."""
+    held = {
+        name: of if isinstance(of, str) else " x ".join(map(str, of.shape)) for name, of in variables.items()
+    }
+    return list_names([f"'{name}' ({words})" for name, words in held.items()], _MOST_NAMED)
+
+
+def matrices_among(variables: Variables) -> dict[str, Floats]:
+    """The real matrices among variables."""
     return {
         name: array.astype(np.float64, copy=False)
         for name, array in variables.items()
-        if array is not None and array.ndim == 2 and array.size
+        if isinstance(array, np.ndarray) and array.ndim == 2 and array.size
     }
 
 
-def _variables(path: Path, kind: FileKind) -> tuple[bytes, Variables]:
-    """Bytes of the file, and its variables by name; `None` for contents other than real numbers."""
+def read_variables(path: Path, kind: FileKind = MATRIX, wanted: str | None = None) -> tuple[bytes, Variables]:
+    """Bytes of a .mat file, and what it has by name; where one struct has all numbers, its fields.
+
+    A path that is `wanted` stays whole. Sparse matrices become dense.
+    """
     data = bytes_of(path, kind)
     if not data:
         raise RecordError(f"{path}: the file is empty; a .mat file was expected")
     if data.startswith(_HDF5) or data[512:516] == _HDF5:
-        return data, _version_73(data, path)
+        return data, _of_only_struct(_version_73(data, path), wanted)
+    if min(data[:_V5_HEADER]) >= ord("\t"):
+        raise RecordError(
+            f"{path}: is a text, as Octave and `save -ascii` write; save it by `save -v7`, or name its numbers .txt"
+        )
     size, least = (0, _FOR_MATRICES) if kind is MATRIX else (len(data), LEAST)
     allowance = Allowance(path, size, least=least)
     # A version 4 file starts with a small integer, a version 5 file with text.
     read = _version_4 if 0 in data[:4] else _version_5
     with readable(path, ".mat file", _DAMAGED):
-        return data, read(memoryview(data), allowance)
+        return data, _of_only_struct(read(memoryview(data), allowance), wanted)
+
+
+def _of_only_struct(variables: Variables, wanted: str | None) -> Variables:
+    """The variables, without the name of the struct that has all numbers, and of one that it has them in."""
+    whole = {name.partition(".")[0] for name, of in variables.items() if not isinstance(of, str)}
+    prefix = f"{whole.pop()}." if len(whole) == 1 else "."
+    if wanted in variables or not any(name.startswith(prefix) for name in variables):
+        return variables
+    return _of_only_struct({name.removeprefix(prefix): of for name, of in variables.items()}, wanted)
 
 
 def _version_73(data: bytes, path: Path) -> Variables:
-    """Variables of a version 7.3 file, or the fields of its only struct."""
-    members = members_of(data, path, name="version 7.3 .mat file", remedy=_DAMAGED)
-    names = [member for member in members if member and "/" not in member]
-    prefix = ""
-    if len(names) == 1 and members[names[0]].is_group:
-        prefix = f"{names[0]}/"
-        names = [member.removeprefix(prefix) for member in members if member.startswith(prefix)]
-    variables: Variables = dict.fromkeys(names)
-    for name in names:
-        member = members[f"{prefix}{name}"]
-        is_text = member.attributes.get("MATLAB_class", "double") == "char"
-        if member.array is not None and not is_text and "MATLAB_empty" not in member.attributes:
+    """Variables of a version 7.3 file; its structs and sparse matrices are groups."""
+    members = members_of(data, path, name="version 7.3 .mat file", remedy=_DAMAGED, depth=_DEPTH_73)
+    allowance = Allowance(path, 0, least=_FOR_MATRICES)
+    variables: Variables = {}
+    within = "/"
+    for label, member in members.items():
+        if not label or label.startswith(within):
+            continue
+        name, sparse_rows = label.replace("/", "."), member.attributes.get("MATLAB_sparse")
+        kind = str(member.attributes.get("MATLAB_class", "struct" if member.is_group else "double"))
+        is_number = _NUMBERS_73.fullmatch(kind) is not None
+        if sparse_rows is not None:
+            within = f"{label}/"
+            # One of zeros alone has neither items nor rows.
+            parts = (members.get(within + part) for part in ("data", "ir", "jc"))
+            items, *places = (
+                np.ravel([] if part is None or part.array is None else part.array) for part in parts
+            )
+            rows, starts = (numbers.astype(np.int64) for numbers in places)
+            with readable(path, "version 7.3 .mat file", _DAMAGED):
+                columns = np.repeat(np.arange(starts.size - 1), np.diff(starts))
+                shape = int(sparse_rows), starts.size - 1
+                variables[name] = _dense(items, rows, columns, shape, name, allowance)
+        elif member.array is not None and is_number and not member.attributes.keys() & _NO_NUMBERS_73:
             # MATLAB stores columns one after the other.
             variables[name] = member.array.T
+        elif not member.is_group or kind != "struct":
+            within = f"{label}/"
+            other = "no real numbers" if is_number else f"an object of class {kind}"
+            variables[name] = _OTHERS_73.get(kind, other)
     return variables
 
 
@@ -149,7 +209,7 @@ def _version_4(data: Block, allowance: Allowance) -> Variables:
         start = position + 20 + name_length
         position = start + size * (2 if is_complex else 1)
         name = _text(data[start - name_length : start])
-        variables[name] = None
+        variables[name] = _COMPLEX if is_complex else "text"
         if kind % 10 in (0, 2) and not is_complex:
             variables[name] = stored = _array(data[start : start + size], item, (n_rows, n_columns))
             if kind % 10 == 2:
@@ -167,16 +227,13 @@ def _version_5(data: Block, allowance: Allowance) -> Variables:
         raise ValueError("the header has no byte-order mark")
     reader = _Version5(order="<" if endian == b"IM" else ">", allowance=allowance)
     variables: Variables = {}
-    fields: Variables | None = None
     for kind, block in reader.elements(data[_V5_HEADER:]):
         if kind == _COMPRESSED:
             kind, block = reader.unpack(block)
         if kind == _MATRIX:
-            name, content = reader.matrix(block, with_fields=True)
-            if isinstance(content, dict):
-                fields, content = content, None
-            variables[name] = content
-    return variables if fields is None or len(variables) > 1 else fields
+            variables.update(reader.matrix(block))
+    # One without a name is the table of what the objects hold.
+    return {name: content for name, content in variables.items() if name}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,44 +269,62 @@ class _Version5:
         return kind, memoryview(unpacker.decompress(unpacker.unconsumed_tail, size) if size else b"")
 
     def matrix(
-        self, block: Block, *, with_fields: bool
-    ) -> tuple[str, NDArray[np.generic] | Variables | None]:
-        """Name and content of a matrix element: an array, a single struct `with_fields`, `None` for others."""
+        self, block: Block, path: str | None = None
+    ) -> Iterator[tuple[str, NDArray[np.generic] | str]]:
+        """Name and content of a matrix element, of a struct those of its fields; `path` is the name of a field."""
+        self.allowance.take(_ENTRY, "a variable")
+        if not block:
+            yield path or "", "empty"
+            return
         elements = self.elements(block)
-        parts = [next(elements)[1] for _ in range(3)]
-        (flags,) = struct.unpack_from(f"{self.order}I", parts[0])
+        (flags,) = struct.unpack_from(f"{self.order}I", next(elements)[1])
+        matrix_class, second = flags & 0xFF, next(elements)[1]
+        if matrix_class == _OPAQUE:
+            # Its name, the system of its class, and its class.
+            next(elements)
+            yield path or _text(second), f"an object of class {_text(next(elements)[1])}"
+            return
         # No side is negative: for NumPy -1 is a side to be found.
-        shape = tuple(np.frombuffer(parts[1], dtype=f"{self.order}u4").tolist())
-        name, matrix_class = _text(parts[2]), flags & 0xFF
-        if with_fields and matrix_class == _STRUCT and shape == (1, 1):
-            return name, self._fields(elements)
-        if flags & _COMPLEX_FLAG:
-            return name, None
-        if matrix_class == _SPARSE and len(shape) == 2:
-            return name, self._sparse(elements, shape, name)
-        return name, self._items(elements, shape) if matrix_class in _NUMERIC_CLASSES else None
+        shape = tuple(np.frombuffer(second, dtype=f"{self.order}u4").tolist())
+        own = _text(next(elements)[1])
+        name = own if path is None else path
+        if matrix_class == _STRUCT:
+            yield from self._fields(elements, name, is_array=shape != (1, 1))
+        elif flags & _COMPLEX_FLAG:
+            yield name, _COMPLEX
+        elif matrix_class == _SPARSE and len(shape) == 2:
+            yield name, self._sparse(elements, shape, name)
+        elif matrix_class in _NUMERIC_CLASSES:
+            yield name, self._items(elements, shape)
+        else:
+            yield name, _OTHER_CLASSES.get(matrix_class, "no real numbers")
 
-    def _items(
-        self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...] = (-1,)
-    ) -> NDArray[np.generic]:
-        """Items of the next element in the shape of the matrix, or flat without a shape."""
+    def _items(self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...]) -> NDArray[np.generic]:
+        """Items of the next element in the shape of the matrix."""
         kind, items = next(elements)
         return _array(items, self.order + _V5_ITEMS[kind], shape)
 
     def _sparse(self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...], name: str) -> Floats:
         """Dense matrix from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows`."""
         rows, starts = self._integers(next(elements)[1]), self._integers(next(elements)[1])
-        items, n_items = self._items(elements), int(starts[-1] - starts[0])
+        kind, block = next(elements)
+        n_items = int(starts[-1] - starts[0])
+        # MATLAB calls the bytes of a logical matrix doubles.
+        items = _array(
+            block, "u1" if len(block) in (n_items, rows.size) else self.order + _V5_ITEMS[kind], (-1,)
+        )
         columns = np.repeat(np.arange(starts.size - 1), np.diff(starts))
         return _dense(items[:n_items], rows[:n_items], columns, shape, name, self.allowance)
 
-    def _fields(self, elements: Iterator[tuple[int, Block]]) -> Variables:
+    def _fields(
+        self, elements: Iterator[tuple[int, Block]], name: str, *, is_array: bool
+    ) -> Iterator[tuple[str, NDArray[np.generic] | str]]:
+        """Contents of the fields of a struct, or of each struct of an array of them, counted from 1."""
         (length,), names = self._integers(next(elements)[1]), next(elements)[1]
-        fields: Variables = {}
-        for start in range(0, len(names), length):
-            content = self.matrix(next(elements)[1], with_fields=False)[1]
-            fields[_text(names[start : start + length])] = None if isinstance(content, dict) else content
-        return fields
+        fields = [_text(names[start : start + length]) for start in range(0, len(names), length)]
+        for number, (_, block) in enumerate(elements):
+            place = f"({1 + number // len(fields)})" if is_array else ""
+            yield from self.matrix(block, f"{name}{place}.{fields[number % len(fields)]}")
 
     def _integers(self, block: Block) -> NDArray[np.int64]:
         # Of eight bytes, in which no difference of the indices of a file wraps.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Final
@@ -13,25 +14,33 @@ from mrwork.base.keys import quote_value
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError, reason_of
 from mrwork.files.layout import reads_as_float
-from mrwork.files.matlab import read_matlab_matrices
+from mrwork.files.matlab import Variables, describe_left_out, matrices_among, read_variables
 from mrwork.store.input_file import MATRIX, bytes_of, is_folder, text_of
 
 _SUFFIXES: Final = (".csv", ".tsv", ".txt")
+# A variable of a .mat file: frame.mat:M, frame.mat:model.M.
+_VARIABLE: Final = re.compile(r"(.+\.mat):([^:/\\]+)", re.IGNORECASE)
 
 
 def read_matrix(path: Path) -> Floats:
-    """Read a matrix from a file, shape (n_rows, n_columns): text with one row per line, .npy, or .mat with one matrix.
+    """Read a matrix from a file, shape (n_rows, n_columns): text with one row per line, .npy, or .mat.
 
-    Numbers of a text are separated by commas, by semicolons, or by tabs and spaces; text after a # is a comment.
+    Of several matrices in a .mat file one is named behind a colon, as in ``frame.mat:M``. Numbers of a text are
+    separated by commas, by semicolons, or by tabs and spaces; text after a # is a comment.
     """
+    named = _VARIABLE.fullmatch(str(path))
+    path, name = (path, None) if named is None else (Path(named[1]), named[2])
     suffix = path.suffix.lower()
     if suffix == ".mat":
-        matrices = read_matlab_matrices(path)
-        if len(matrices) == 1:
-            return next(iter(matrices.values()))
-        listed = ", ".join(matrices) or "none"
+        _, variables = read_variables(path, wanted=name)
+        matrices = matrices_among(variables)
+        if name in matrices or (name is None and len(matrices) == 1):
+            return matrices[name or next(iter(matrices))]
+        wanted = "one matrix" if name is None else f"a matrix '{name}'"
+        listed = describe_left_out(variables) or "nothing"
+        example = f"{path.name}:{next(iter(matrices), 'K')}"
         raise RecordError(
-            f"{path}: one matrix was expected, and the file has {listed}; save the matrix alone"
+            f'{path}: {wanted} was expected, and the file has {listed}; name one, as in "{example}"'
         )
     if suffix == ".npy":
         return _matrix_of_array(path)
@@ -80,9 +89,15 @@ def _matrix_of_array(path: Path) -> Floats:
     return np.atleast_2d(array.astype(np.float64))
 
 
-def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:
-    """Read matrices by name from a .mat file, or from a folder with one text file per matrix in `names`."""
+def read_contents(path: Path, names: Collection[str]) -> Variables:
+    """Read what a .mat file has by name, or a folder with one text file per matrix in `names`."""
     if is_folder(path):
         files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
-        return {file.stem: read_matrix(file) for file in files if file.stem in names}
-    return read_matlab_matrices(path)
+        taken = {file.stem: file for file in files if file.stem in names}
+        others = {file.name: "not read" for file in files if file not in taken.values()}
+        if twice := [name for name in others if Path(name).stem in taken]:
+            raise RecordError(
+                f"{path}: has {taken[Path(twice[0]).stem].name} and {twice[0]}; keep one of them"
+            )
+        return {**{name: read_matrix(file) for name, file in taken.items()}, **others}
+    return read_variables(path)[1]

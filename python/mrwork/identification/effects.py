@@ -28,7 +28,7 @@ from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import STRUCTURE, FittedParameter
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
 from mrwork.identification.minimise.polish import FinalFit
-from mrwork.identification.objective import Objective, observe_tests_by
+from mrwork.identification.objective import Objective, linearise_residuals, observe_tests_by
 from mrwork.identification.problem import (
     SAME_FREQUENCY,
     Problem,
@@ -86,7 +86,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
         fit = replace(fit, remarks=(*fit.remarks, found.remark(_FITTED)))
     if not effects:
         return fit
-    fitted = _fit_with(problem.objective, problem.form, effects, fit.theta, tolerance=TOLERANCE)
+    (fitted,) = _fit_with(problem.objective, problem.form, [effects], fit.theta, tolerance=TOLERANCE)
     n_own = fit.theta.size
     values = dict(zip(effects, fitted.theta[n_own:].tolist(), strict=True))
     settings = problem.settings.with_effects(values)
@@ -120,19 +120,46 @@ def fit_effects(fit: FinalFit) -> FinalFit:
 
 
 def _fit_with(
-    objective: Objective, form: Form, effects: Effects, theta: Floats, *, tolerance: float = 1e-4
-) -> Slopes:
-    """Fit with free effects, from parameters `theta`, (n_params,), and what the observation model of a test has."""
+    objective: Objective, form: Form, sets: Sequence[Effects], theta: Floats, *, tolerance: float = 1e-4
+) -> list[Slopes]:
+    """Fit with each of several sets of free effects, from parameters `theta`, (n_params,), and what a test has given.
+
+    The fits are one batch: few candidates take as long to simulate as one.
+    """
+    if not sets:
+        return []
     test = objective.tests[0]
-    given = [getattr(test.observation, effect.field) for effect in effects]
+    every = tuple(effect for effect in EFFECTS.values() if any(effect in effects for effects in sets))
+    given = [getattr(test.observation, effect.field) for effect in every]
+    free = np.array([[effect in effects for effect in every] for effects in sets])
     # At zero, its bound, a lag has no slope.
-    start = [
-        value or (test.dt if effect is _LAG else 0.0) for effect, value in zip(effects, given, strict=True)
-    ]
-    objective, form = with_free(objective, form, effects)
-    begin = np.array([[*theta, *start]])
-    minimum = find_minima(objective, form.box, begin, max_iterations=50, tolerance=tolerance)
-    return Slopes.at(objective, form, minimum.theta[0])
+    least = [test.dt if effect is _LAG else 0.0 for effect in every]
+    starts = np.where(free & (np.array(given) == 0.0), least, given)
+    joint, joint_form = with_free(objective, form, every)
+    minima = find_minima(
+        joint,
+        joint_form.box,
+        np.hstack([np.tile(theta, (len(sets), 1)), starts]),
+        held=np.hstack([np.zeros((len(sets), len(form.box.free)), dtype=np.bool_), ~free]),
+        max_iterations=50,
+        tolerance=tolerance,
+    )
+    residuals, by_free = linearise_residuals(joint, minima.theta, joint_form.box.free)
+    fits = []
+    for number, effects in enumerate(sets):
+        kept = np.concatenate([np.ones(theta.size, dtype=np.bool_), free[number]])
+        varied = kept[list(joint_form.box.free)]
+        with_own, form_of_own = with_free(objective, form, effects)
+        fits.append(
+            Slopes(
+                objective=with_own,
+                form=form_of_own,
+                theta=minima.theta[number, kept],
+                residuals=residuals[number],
+                by_free=by_free[number, varied],
+            )
+        )
+    return fits
 
 
 @array_dataclass()
@@ -335,7 +362,8 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
         sets = []
     excerpts, groups = problem.objective.on(form.spec, excerpts_of(problem)), _frequency_groups(tests)
     weighed = [
-        FitWithEffects.of(_fit_with(excerpts, form, effects, theta), effects, groups) for effects in sets
+        FitWithEffects.of(fitted, effects, groups)
+        for fitted, effects in zip(_fit_with(excerpts, form, sets, theta), sets, strict=True)
     ]
     weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
     _, earlier = _predict_parts(Slopes.at(excerpts, form, theta), groups)

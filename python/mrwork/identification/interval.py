@@ -28,10 +28,21 @@ FINE: tuple[Word, ...] = ("", "identifiable", "fixed", "tied")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the data say of a parameter, in a word, and the reason; the word is empty where nothing was judged."""
+    """What the data say of a parameter, in a word, and the reason; the word is empty where nothing was judged.
+
+    It is equal to its word.
+    """
 
     word: Word = ""
     reason: str = ""
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, Verdict):
+            return (self.word, self.reason) == (other.word, other.reason)
+        return self.word == other
+
+    def __hash__(self) -> int:
+        return hash(self.word)
 
     def __str__(self) -> str:
         return ": ".join(filter(None, (self.word, self.reason)))

@@ -316,8 +316,6 @@ class _AtCommands:
     their `slopes` by the free coefficients, (n_commands, n_rows, n_columns, n_free), of the `columns` that have any.
     """
 
-    free: tuple[int, ...]
-    theta: Floats
     plain: DamperSpec
     commands: Floats
     values: Floats
@@ -354,8 +352,6 @@ class _AtCommands:
         of_column = [*parameter_of, *[-1] * spec.lagged, *range(n_plain, n_plain + n_rest)]
         columns = tuple(sorted({int(of_column[column]) for column in box.free} - {-1}))
         return cls(
-            free=box.free,
-            theta=theta,
             plain=spec.without_laws,
             commands=commands,
             values=values,
@@ -363,13 +359,10 @@ class _AtCommands:
             slopes=slopes[:, :, columns][..., box.free],
         )
 
-    def of_test(self, test: ObservedTest) -> tuple[ObservedTest, Floats, Sequence[int], Floats | None]:
-        """A test with its candidates, the columns of these to differentiate by, and the slopes of these columns.
-
-        At a constant command it is one of the plain model, else there are no slopes.
-        """
-        if (command := test.held_command) is None:
-            return test, self.theta, self.free, None
+    def of_test(self, test: ObservedTest) -> tuple[ObservedTest, Floats, Sequence[int], Floats]:
+        """A test at a constant command as one of the plain model, with its candidates, columns and their slopes."""
+        command = test.held_command
+        assert command is not None
         level = int(np.searchsorted(self.commands, command))
         return replace(test, spec=self.plain), self.values[level], self.columns, self.slopes[level]
 
@@ -387,19 +380,36 @@ class NormalEquations:
 
     @classmethod
     def at(
-        cls, objective: Objective, box: Box, theta: Floats, included: NDArray[np.bool_]
+        cls,
+        objective: Objective,
+        box: Box,
+        theta: Floats,
+        included: NDArray[np.bool_],
+        varied: NDArray[np.bool_] | None = None,
     ) -> NormalEquations:
-        """Simulate rows of `theta`, (n_rows, n_params), with derivatives, on the tests that each `included` row has."""
+        """Simulate rows of `theta`, (n_rows, n_params), with derivatives, on the tests that each `included` row has.
+
+        Where not all free parameters are `varied`, (n_free,), the equations of the others are zero.
+        """
         objective.tally.simulations += len(theta)
         n_free = len(box.free)
-        at_commands = _AtCommands.of(objective, box, theta)
+        by_free = np.eye(n_free) if varied is None else np.diag(varied.astype(np.float64))
+        is_held = [test.held_command is not None for test in objective.compared]
+        at_commands = _AtCommands.of(objective, box, theta) if any(is_held) else None
         squared = np.full(included.shape, np.inf)
         gradient = np.zeros((*included.shape, n_free))
         matrix = np.zeros((*included.shape, n_free, n_free))
 
         def fill(index: int, threads: int) -> int:
             rows = np.flatnonzero(included[:, index])
-            test, candidates, columns, slopes = at_commands.of_test(objective.compared[index])
+            test, candidates = objective.compared[index], theta
+            columns: Sequence[int] = box.free
+            slopes = np.broadcast_to(by_free, (len(theta), n_free, n_free))
+            if at_commands is not None and is_held[index]:
+                test, candidates, columns, slopes = at_commands.of_test(test)
+                slopes = slopes @ by_free
+            has_slope = slopes.any(axis=(0, 2))
+            columns, slopes = np.array(columns)[has_slope].tolist(), slopes[:, has_slope]
             at_once = max(1, _BLOCK_SIZE // (test.measured.size * max(len(columns), 1)))
             scale = 1.0 / test.deviation / np.sqrt(test.measured.size)
             for some in (rows[first : first + at_once] for first in range(0, rows.size, at_once)):
@@ -413,11 +423,9 @@ class NormalEquations:
                     squares = np.einsum("bt,bt->b", residuals, residuals)
                     pull = np.einsum("bpt,bt->bp", jacobian, residuals)
                     square = jacobian @ jacobian.transpose(0, 2, 1)
-                    if slopes is not None:
-                        own = slopes[some]
-                        pull = np.einsum("bp,bpq->bq", pull, own)
-                        square = own.transpose(0, 2, 1) @ square @ own
-                    gradient[some, index], matrix[some, index] = pull, square
+                    own = slopes[some]
+                    gradient[some, index] = np.einsum("bp,bpq->bq", pull, own)
+                    matrix[some, index] = own.transpose(0, 2, 1) @ square @ own
                 squared[some, index] = np.where(failed, np.inf, squares)
             return test.steps(candidates[rows])
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.base.arguments import AnyArray, unchecked
+from mrwork.base.arguments import AnyArray, replace_unchecked, unchecked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import list_names
@@ -48,6 +48,7 @@ from mrwork.records.observation import (
 
 _stiffness_shares = unchecked(stiffness_shares)
 _simulate_forces, _simulate_sensitivities = unchecked(simulate_forces), unchecked(simulate_sensitivities)
+_observe_unchecked = unchecked(Observation.observe)
 
 _OFFSET = EFFECTS["offset"]
 _UNESTIMATED = RemarkKind(
@@ -340,7 +341,7 @@ class ObservedTest:
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
-    acceleration: Floats | None = field(init=False)
+    acceleration: Floats | None = None
 
     def __post_init__(self) -> None:
         counted = self.test.counted
@@ -349,7 +350,8 @@ class ObservedTest:
         object.__setattr__(self, "measured", measured)
         object.__setattr__(self, "variance", float(np.var(measured)))
         has_mass = self.test.observation.mass != 0.0 or any(effect.field == "mass" for effect in self.free)
-        object.__setattr__(self, "acceleration", self.test.acceleration if has_mass else None)
+        if has_mass and self.acceleration is None:
+            object.__setattr__(self, "acceleration", self.test.acceleration)
 
     def stiffness(self, theta: Floats) -> Floats:
         """Sub-steps that each row of `theta` wants, as a share of the most that it may have, shape (n_batch,)."""
@@ -476,14 +478,14 @@ class ObservedTest:
         fields, first = [effect.field for effect in self.free], theta.shape[1] - len(self.free)
         rows = [
             self._observed(
-                row, replace(self.test.observation, **(dict(zip(fields, values, strict=True)) | none))
+                row, replace_unchecked(self.test.observation, **dict(zip(fields, values, strict=True)) | none)
             )
             for row, values in zip(signal, theta[:, first:].tolist(), strict=True)
         ]
         return np.stack(rows)
 
     def _observed(self, force: Floats, observation: Observation) -> Floats:
-        return observation.observe(force, self.test.dt, self.acceleration)
+        return _observe_unchecked(observation, force, self.test.dt, self.acceleration)
 
     def _emphasise(self, residuals: Floats) -> tuple[Floats, Floats]:
         """Residuals with weights and loss, and their derivatives by those without, both (n_batch, n_counted)."""

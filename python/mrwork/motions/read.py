@@ -19,12 +19,13 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.remark import warnings_of
+from mrwork.base.summary import list_names
 from mrwork.base.units import FACTORS, factor_of, factor_to_si, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
 from mrwork.files.delimited import DelimitedTable, read_text_bytes, split_lines
 from mrwork.files.layout import DECIMAL_COMMA, Layout, is_data, numbered_names, reads_as_float
-from mrwork.files.matlab import open_matlab, read_matlab_matrices
+from mrwork.files.matlab import describe_left_out, matrices_among, open_matlab, read_variables
 from mrwork.files.named_columns import ColumnTable, VectorTable, find_column, unit_in_name, words_and_unit
 from mrwork.files.open_table import listed_files
 from mrwork.files.rounded_times import rounded_grid
@@ -61,6 +62,8 @@ _LONGEST_HEADER: Final = 150
 _MOST_ABOVE: Final = 4
 # Words of a name between marks such as commas; more are prose.
 _MOST_WORDS: Final = 4
+# Candidates that a question lists.
+_MOST_LISTED: Final = 12
 # Rows from which on columns are told from a series in rows, and how much smoother these then are.
 _FEWEST_ROWS: Final = 20
 _SMOOTHER: Final = 0.5
@@ -116,22 +119,22 @@ def _motion_of_table(
     source, names, facts = str(path), table.names, facts_of(header)
     is_nameless = names == numbered_names(len(names))
     times_of = [name for name in names if unit_in_name("time", name) is not None]
-    if len(times_of) > 1:
-        raise RecordError(
-            f"{source}: columns '{times_of[0]}' and '{times_of[1]}' both look like time; rename one"
-        )
     time = next(iter(times_of), None)
     first = table.numbers(names[0]) if time is None and len(names) > 1 else None
     # A column of sample numbers is no time.
     if first is not None and not (np.diff(first) == 1.0).all():
         is_pair = is_nameless and len(names) == 2 and stated.dt is None
         time = names[0] if is_pair or runs_as_time(first) else None
-    free = [name for name in names if name != time]
+    free = [name for name in names if name != time and name not in times_of]
     if stated.column is not None:
         candidates = [find_column(stated.column, names, source)]
     else:
         candidates = [name for name in free if _is_acceleration(name)] or (free if is_nameless else [])
     name = candidates[0] if len(candidates) == 1 else ""
+    if name and times_of:
+        # T may be a transverse component.
+        times_of = [column for column in times_of if column != name] or times_of
+        time = _time_for(name, times_of, table, stated.dt, source)
     if name and name == time:
         raise SettingError(
             f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
@@ -143,8 +146,6 @@ def _motion_of_table(
     if not name or unit is None or (time is None and dt is None):
         number = 1 + names.index(free[0]) if free else 1
         _ask(source, "" if name else _listed(names), number, unit is None, time is None and dt is None)
-    if stated.dt is not None and time is not None:
-        raise SettingError(f"{source}: column '{time}' holds the times; leave out `dt`")
     factor = factor_to_si(unit, "acceleration", context=f"{source}: `unit`")
     if symbol is not None and factor != factor_of(symbol, "acceleration"):
         where = f"column '{name}'" if column_unit else "the header"
@@ -155,15 +156,17 @@ def _motion_of_table(
         )
     columns = table.read([name] if time is None else [time, name])
     if time is not None:
-        unit = unit_in_name("time", time) or table.units.get(time, "")
-        # One without a unit is in seconds.
-        unit = "s" if unit.casefold() in _SECONDS else unit
-        times = factor_to_si(unit, "time", context=f"{source}: column '{time}'") * columns[time]
+        times = _seconds(table, time, source)
     elif dt is not None and SMALLEST <= dt < np.inf:
         times = dt * np.arange(columns[name].size, dtype=np.float64)
     else:
         raise SettingError(f"{source}: `dt` is {dt} s; give a positive step")
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    if time is not None and stated.dt is not None and abs(step / stated.dt - 1.0) > _STEPS_DIFFER:
+        raise SettingError(
+            f"{source}: column '{time}' holds the times, with a step of {step:.6g} s where `dt` is {stated.dt:g} s; "
+            "leave out `dt`, or correct the one that is wrong"
+        )
     if time is not None and facts.dt is not None and abs(step / facts.dt - 1.0) > _STEPS_DIFFER:
         raise RecordError(
             f"{source}: the header states a step of {facts.dt:.6g} s, and column '{time}' has {step:.6g} s; correct "
@@ -179,9 +182,35 @@ def _motion_of_table(
     return motion if time is not None or dt is None else replace(motion, dt=dt)
 
 
+def _time_for(
+    name: str, times_of: Sequence[str], table: ColumnTable, dt: float | None, source: str
+) -> str | None:
+    """The column of the times of a column among those that look like time: as long, and with a step that is stated."""
+    if isinstance(table, VectorTable):
+        size = table.vectors[name].size
+        times_of = [time for time in times_of if table.vectors[time].size == size]
+    if len(times_of) > 1 and dt is None:
+        raise RecordError(
+            f"{source}: columns '{times_of[0]}' and '{times_of[1]}' both look like time; give the step as `dt`, or "
+            "rename one"
+        )
+    if dt is not None and len(times_of) > 1:
+        steps = {time: float(np.diff(_seconds(table, time, source)).mean()) for time in times_of}
+        return min(steps, key=lambda time: abs(steps[time] - dt))
+    return next(iter(times_of), None)
+
+
+def _seconds(table: ColumnTable, time: str, source: str) -> Floats:
+    """Times of a column [s]; one without a unit is in seconds."""
+    unit = unit_in_name("time", time) or table.units.get(time, "")
+    unit = "s" if unit.casefold() in _SECONDS else unit
+    return factor_to_si(unit, "time", context=f"{source}: column '{time}'") * table.read([time])[time]
+
+
 def _listed(names: Sequence[str]) -> str:
     numbered = names == numbered_names(len(names))
-    return ", ".join(name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1))
+    columns = [name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1)]
+    return list_names(columns, _MOST_LISTED)
 
 
 def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
@@ -332,24 +361,45 @@ TABLE = Format(
 
 
 def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
-    """Read a .mat file of version 4 to 7: vectors by their names, or a matrix of times [s] and accelerations."""
-    matrices = read_matlab_matrices(path, RECORD)
+    """Read a .mat file: vectors by their names, in structs by path, or a matrix of times [s] and accelerations."""
+    column = stated.column
+    _, variables = read_variables(path, RECORD, column)
     # Rows of times and accelerations.
     pairs = {
         name: matrix if matrix.shape[0] == 2 else matrix.T
-        for name, matrix in matrices.items()
-        if matrix.ndim == 2 and 2 in matrix.shape and matrix.size >= 6
+        for name, matrix in matrices_among(variables).items()
+        if 2 in matrix.shape and matrix.size >= 6
     }
-    if stated.column is None and len(pairs) > 1:
-        listed = ", ".join(f"'{name}'" for name in pairs)
-        raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
-    name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
-    if name is None or name not in pairs:
-        return _motion_of_table(open_matlab(path), stated, path)
-    table = VectorTable(
-        source=str(path), sha256="", vectors=dict(zip(("t_s", name), pairs[name], strict=True))
-    )
-    return _motion_of_table(table, replace(stated, column=name), path)
+    if column is None:
+        pairs = {name: pair for name, pair in pairs.items() if runs_as_time(pair[0])}
+        vectors = (
+            name for name, of in variables.items() if not isinstance(of, str) and 2 < of.size == max(of.shape)
+        )
+        candidates = [*pairs, *(name for name in vectors if _is_acceleration(name.rpartition(".")[2]))]
+        if len(candidates) > 1:
+            listed = list_names([f"'{name}'" for name in candidates], _MOST_LISTED)
+            raise RecordError(
+                f"{path}: variables {listed} may all be a ground motion; name one with `column`, as "
+                f'column="{candidates[0]}"'
+            )
+        column = next((name for name in candidates if name in pairs or "." in name), None)
+    named = column
+    if column in pairs:
+        rows = dict(zip(("t_s", column), pairs[column], strict=True))
+        others = describe_left_out({name: of for name, of in variables.items() if name != column})
+        unused = (f"variables {others}",) if others else ()
+        table: ColumnTable = VectorTable(source=str(path), sha256="", vectors=rows, unused=unused)
+    else:
+        table = open_matlab(path, column)
+        if column is not None:
+            own = column.rpartition(".")[2] if column in variables else column
+            column = find_column(own, table.names, str(path))
+            named = named if named in variables else column
+            if "." in column:
+                return read_matrix_motion(path, replace(stated, column=column))
+    motion = _motion_of_table(table, replace(stated, column=column), path)
+    source = motion.source if named is None else f"'{named}' of {path.name}"
+    return replace(motion, source="; not used: ".join([source, *table.unused]))
 
 
 # Each format recognises its content; a table is the fallback and comes last.
@@ -376,7 +426,8 @@ def read_motion(
     Formats of records are PEER (.AT2), K-NET and KiK-net, COSMOS, ESM, CSMIP (volumes 1 and 2), SMC, GeoNet (V1A and
     V2A), BHRC, RENADIC and USC (volume 1); AFAD, UNAM and CWB are tables with a header. The options supply what a file
     does not state: `unit`, `dt` and `column` of tables, `channel` of files with several channels. One that contradicts
-    the file, or that has no effect, is refused. What is doubtful of the record is warned of (`GroundMotion.remarks`).
+    the file, or that has no effect, is refused; a `dt` beside times chooses among several, and has to agree with them.
+    What is doubtful of the record is warned of (`GroundMotion.remarks`).
 
     Parameters
     ----------
@@ -385,9 +436,10 @@ def read_motion(
     unit
         Unit of the acceleration, for tables that do not state it: ``"g"``, ``"m/s2"``, ``"cm/s2"``, ``"gal"``, ...
     dt
-        Sampling step [s] of a table without a column of times.
+        Sampling step [s] of a table without a column of times, or with several.
     column
-        Column of the acceleration in a table, by its name or its number from 1 (``"3"``), or variable of a .mat file.
+        Column of the acceleration in a table, by its name or its number from 1 (``"3"``), or variable of a .mat file,
+        in structs by path (``"eq.kobe.ag"``, ``"eq(2).ag"``).
     channel
         Channel of a file with several channels, counted from 1.
 
@@ -427,8 +479,9 @@ def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
         else:
             lines = Lines(path=path, texts=split_lines(read_text_bytes(path)))
             form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
-            # The reader of AT2 tells what its header lacks.
-            form = PEER_AT2 if form is TABLE and path.suffix.lower() == ".at2" else form
+            # The reader of AT2 tells what its header lacks, and numbers alone are a table.
+            has_header = not _width(next(filter(is_data, lines.texts), ""))
+            form = PEER_AT2 if form is TABLE and path.suffix.lower() == ".at2" and has_header else form
             refuse_needless(stated, form.needs, source=str(path), kind=form.name)
             motion = form.read(lines, stated)
     refuse_absurd(motion.acceleration, source=str(path))

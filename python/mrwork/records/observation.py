@@ -200,11 +200,21 @@ Filter = Callable[[Floats | list[float], Floats | list[float], Any, Any], Any]
 
 
 def _filtered(
-    numerator: Floats | list[float], denominator: Floats | list[float], signal: Floats, settled: Any
+    numerator: Floats | list[float], denominator: Floats | list[float], signal: Floats, _: Any
 ) -> Floats:
-    from scipy.signal import lfilter  # slow to load and rarely needed
+    # `scipy.signal.lfilter` does the same; its import takes as long as a fit.
+    from scipy.linalg.lapack import dtbtrs
 
-    return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=settled * signal[..., :1])[0])
+    rows = signal.reshape(-1, signal.shape[-1])
+    driven = numerator[0] * rows
+    for order in range(1, len(denominator)):
+        driven[:, order:] += numerator[order] * rows[:, :-order]
+        # A constant signal before the record has passed unchanged.
+        driven[:, :order] += (numerator[order] - denominator[order]) * rows[:, :1]
+    bands = np.empty((len(denominator), rows.shape[1]), order="F")
+    bands[:] = np.reshape(denominator, (-1, 1))
+    solved, _ = dtbtrs(bands, driven.T, uplo="L", diag="U")
+    return np.asarray(solved.T.reshape(signal.shape))
 
 
 def _lagged(filtered: Filter, signal: Any, samples: float) -> Any:

@@ -36,9 +36,9 @@ class Member:
 
 
 def members_of(
-    data: bytes, path: Path, *, name: str = "HDF5 file", remedy: str = "write it again"
+    data: bytes, path: Path, *, name: str = "HDF5 file", remedy: str = "write it again", depth: int = 2
 ) -> dict[str, Member]:
-    """Members of the HDF5 file at `path` down to the second level, by path, and the file itself as "".
+    """Members of the HDF5 file at `path` down to the level `depth`, by path, and the file itself as "".
 
     Links to other files and names with `#` are left out. A file that is no readable `name`, or claims too much, is
     refused.
@@ -47,7 +47,7 @@ def members_of(
 
     allowance = Allowance(path, len(data))
     with readable(path, name, remedy), h5py.File(io.BytesIO(data), "r") as file:
-        members = [("", file), *_members(file, "", 1)]
+        members = [("", file), *_members(file, "", depth)]
         for label, member in members:
             if _is_numeric(member):
                 allowance.take(math.prod(member.shape) * max(member.dtype.itemsize, 8), f"'{label}'")
@@ -81,8 +81,8 @@ def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
             continue
         member, path = group[name], f"{prefix}{name}"
         yield path, member
-        if isinstance(member, h5py.Group) and depth < 2:
-            yield from _members(member, f"{path}/", depth + 1)
+        if isinstance(member, h5py.Group) and depth > 1:
+            yield from _members(member, f"{path}/", depth - 1)
 
 
 def _is_numeric(member: Any) -> bool:

@@ -5,6 +5,7 @@ A law may stand in a Python file of its user, which is run as Python when the st
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_shares
+from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_forces, sends_shares
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.user_law import UserLaw
@@ -75,7 +76,8 @@ def arrangements(
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
     without = Arrangement(row=none, bare=bare, building=bare, devices=(), law=constant_share((), 0.0))
     off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
-    if not any(device.spec.follows_command for device in devices):
+    driven = [device for device in devices if device.is_commanded and not device.is_actuator]
+    if not (driven or any(device.spec.follows_command and not device.is_actuator for device in devices)):
         off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
     at_zero = replace(
         without, row=off, building=problem.building, devices=devices, law=constant_share(devices, 0.0)
@@ -95,9 +97,10 @@ def arrangements(
     # The row at i = 0 exists already; only its label may differ.
     labels = [each.row.label for each in further if each.row.kind == "passive_off" and each.row.label]
     further = [each for each in further if each.row.kind != "passive_off"]
-    first = [replace(at_zero, row=replace(off, label=[off.label, *labels][-1]))] if devices else []
+    # Actuators alone at rest are the building without dampers.
+    at_rest = all(device.is_actuator for device in devices)
+    first = [] if at_rest else [replace(at_zero, row=replace(off, label=[off.label, *labels][-1]))]
     listed = [arrangement.row for arrangement in (*first, *further)]
-    driven = [device for device in devices if device.is_commanded]
     # Best constant commands that a study has without listing them.
     for name in ("best_passive", "best_passive_by_group")[: len(products_of(driven))]:
         law = CONSTANT_LAWS[name]
@@ -122,10 +125,12 @@ def _arrange_controller(
     if not problem.devices:
         raise SettingError("a control law needs dampers, and the study has none; give a [[damper]]")
     _refuse_command(controller, problem, hardware)
-    limited = _limit_command(controller, problem)
+    limited, unit = _limit_command(controller, problem)
+    slope = controller.slope_in(unit)
+    refuse_rate(limited.devices, math.inf if unit == "N" else slope, "command_slope")
     name, user, named = controller.law, controller.user, None
     law: StudyLaw | None = None
-    kind: Kind = "controller"
+    kind: Kind = "actuator" if unit == "N" else "controller"
     if user is not None:
         of_file = f" of {user.file}" if isinstance(user.file, str) else ""
         title, description = user.function, f"{user.function}{of_file}, in Python"
@@ -141,29 +146,40 @@ def _arrange_controller(
             )
         if constant.share is not None:
             law = constant_share(limited.devices, constant.share)
-            law = replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
+            law = replace(law, dead_zone=controller.dead_zone, command_slope=slope)
     else:
         title, description = control_law(name).title, name
-        kind = "actuator" if control_law(name).commands_force else "controller"
         kind = "passive" if SETTINGS[name].constant else kind
         named = NamedLaw(table=controller, number=number, given=settings, problem=limited)
     label = controller.label if kind == "passive_off" else controller.label or title
     row = Row(label=label, kind=kind, description=description)
     if named is not None and named.is_complete:
         law, named = named.design(limited, {}), None
+    if named is not None and sends_forces(problem.devices):
+        (lacking, *_) = named.missing
+        sentence = f"{name} has no {lacking.name}, which follows from the response of dampers alone"
+        raise InvalidSettingError("law", f"{sentence}; give it in settings, or a gain")
     return replace(at_zero, row=row, devices=limited.all_devices, law=law, named=named)
 
 
-def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
-    shares, available = sends_shares(problem.devices), largest_command(problem.devices)
-    limit = controller.command_in(
-        "largest_command", "1" if shares else problem.devices[0].spec.command_unit or "A"
-    )
+def _limit_command(controller: ControllerTable, problem: DesignProblem) -> tuple[DesignProblem, str]:
+    """The problem with devices that get at most the command of a table, and the unit of the commands."""
+    spec = None if controller.user or controller.law in CONSTANT_LAWS else control_law(controller.law)
+    unit, shares = problem.devices[0].command_unit or "A", sends_shares(problem.devices)
+    available = largest_command(problem.devices)
+    if unit != "N" and spec is not None and spec.commands_force:
+        # Actuators replace the dampers, and the law has their limit; a wrong one is refused by its key here.
+        limit = controller.command_in("largest_command", "N")
+        if not isinstance(controller.largest_command, str) and limit is not None and limit <= available:
+            says = f"largest_command is {limit:g}, which is a command of the dampers, and {spec.name} sends forces"
+            raise InvalidSettingError("largest_command", f'{says}; give it with its unit, as "50 kN"')
+        return problem, "N"
+    limit = controller.command_in("largest_command", "1" if shares else unit)
     if limit is None:
-        return problem
+        return problem, unit
     if limit <= available:
-        return problem.limited_to(limit)
-    most = f"the driver of the dampers gives {available:g} at most"
+        return problem.limited_to(limit), unit
+    most = f"the {'actuators give' if unit == 'N' else 'driver of the dampers gives'} {available:g} at most"
     if shares:
         most = 'of dampers in A beside others in V it is a share of the largest command of each, as "80 %"'
     raise InvalidSettingError("largest_command", f"largest_command is {limit:g}, and {most}")
@@ -183,10 +199,9 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
             f"{name} commands the dampers, and they are passive or hold a command; leave this law out, or give a "
             "damper that follows a command",
         )
-    if of_registry is not None:
+    if user is None:
         with keyed(key):
-            refuse_units(of_registry, problem.devices)
-    refuse_rate(problem.devices, controller.command_slope, "command_slope")
+            refuse_units(of_registry or control_law("passive"), problem.devices)
     lacking = beyond_twin(problem.building, problem.devices, hardware, name)
     if needs_command and constant is None and lacking:
         raise InvalidSettingError(key, lacking)

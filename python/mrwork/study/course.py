@@ -140,7 +140,7 @@ def _kind_of(arrangement: Arrangement) -> Kind:
         return "without dampers"
     if isinstance(law, UserLaw):
         return "Python"
-    if any(device.spec.own is not None for device in arrangement.devices) and not commands_force(law):
+    if any(device.spec.own is not None for device in arrangement.devices) and not commands_force(arrangement):
         return "JAX"
     return "core" if law is None or not law.spec.needs_model else "rollout"
 

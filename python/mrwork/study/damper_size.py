@@ -81,6 +81,7 @@ class _Reach:
     motion: int
     forces: Mapping[int, float]
     force: float
+    on_base: bool
     shear: float
 
     @property
@@ -98,15 +99,16 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     under = results.motions[most.motion].name
     if len(reaches) > 1:
         under = f"{counted(len(reaches), 'motion')}, most under {under}"
+    names = {damper.storey: damper.place or f"storey {damper.storey + 1}" for damper in results.dampers}
     by_storey = [
-        f"{round_to(1e-3 * force, 3):g} kN in {results.quantities.axes['storey'][storey]}"
+        f"{round_to(1e-3 * force, 3):g} kN in {names[storey]}"
         for storey, force in sorted(most.forces.items())
     ]
-    largest = f"; {'on the base' if 0 in most.forces else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
+    largest = f"; {'on the base' if most.on_base else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
     return (
         f"The dampers reach {list_names(by_storey, _NAMED)}{largest if len(by_storey) > 1 else ''}, "
         f"{' to '.join(shares)} % of the peak base shear of the building without them "
-        f"({round_to(1e-3 * most.shear, 3):g} kN), under {under}.",
+        f"({round_to(1e-3 * most.shear, 3):g} kN, {round_to(results.building.total_mass, 3):,.10g} kg), under {under}.",
     )
 
 
@@ -226,10 +228,12 @@ def _commanded(results: StudyResults) -> NDArray[np.bool_]:
 def _fewer(results: StudyResults, study: Study, number: int, motion: int) -> str:
     """How many dampers have a tenth of the base shear at the drift without dampers."""
     bare, device, damper = results.quantities.at(0, motion), study.devices[number], results.dampers[number]
-    # The building without dampers has no storey of what was built in, such as a tuned mass.
-    if not results.finished_under(0, (motion,)) or damper.storey >= len(bare["peak_drift"]):
+    axes = results.quantities.axes
+    name, axis = ("peak_drift", "storey") if damper.place in axes["storey"] else ("peak_stroke", "device")
+    # An older run folder has no places, and the drift of what was built in without a stroke is not known.
+    if not results.finished_under(0, (motion,)) or damper.place not in axes[axis]:
         return "take fewer or smaller dampers"
-    drift = damper.share * float(bare["peak_drift"][damper.storey])
+    drift = damper.share * float(bare[name][axes[axis].index(damper.place)])
     rate = 2.0 * math.pi * float(study.building.frequencies[0]) * drift
     force = damper.share * float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
     count = device.count * _ADVISED * float(bare["peak_base_shear"]) / force
@@ -244,18 +248,25 @@ def _reaches(results: StudyResults) -> list[_Reach]:
     reaches, commanded = [], _commanded(results)
     numbers = results.quantities.numbers
     shears, forces = numbers["peak_base_shear"][..., 0], numbers["peak_force"][..., 0, :]
-    storeys = [damper.storey for damper in results.dampers]
+    # Beside actuators dampers are a part of what holds the building, and across the motion of the ground a force is no
+    # part of the base shear.
+    has_actuators = any(damper.command_unit == "N" for damper in results.dampers)
+    storeys = [damper.storey if damper.share else -1 for damper in results.dampers]
+    beside = set[int]() if has_actuators else {*storeys} - {-1}
+    grounded = {damper.storey for damper in results.dampers if damper.on_ground or damper.storey == 0}
     for motion in results.judged_motions:
         shear, rows = float(shears[0, motion]), np.flatnonzero(commanded[:, motion])
-        if shear > 0.0 and storeys and rows.size:
+        if shear > 0.0 and beside and rows.size:
             # Passive elements of the building are behind the devices.
             by_damper = forces[rows, motion, : len(storeys)] * [damper.share for damper in results.dampers]
-            by_storey = {storey: by_damper[:, np.equal(storeys, storey)].sum(axis=1) for storey in storeys}
-            # Storeys stand on each other, so that forces of others do not add to that on the base.
-            on_base = by_storey.get(0, np.max([*by_storey.values()], axis=0))
+            by_storey = {storey: by_damper[:, np.equal(storeys, storey)].sum(axis=1) for storey in beside}
+            # Storeys stand on each other, so that forces of others do not add to those on the base.
+            of_base = [by_storey[storey] for storey in beside & grounded]
+            on_base = np.sum(of_base, axis=0) if of_base else np.max([*by_storey.values()], axis=0)
             most = int(np.argmax(on_base))
             held = {storey: float(force[most]) for storey, force in by_storey.items()}
-            reaches.append(_Reach(motion=motion, forces=held, force=float(on_base[most]), shear=shear))
+            force, base = float(on_base[most]), bool(of_base)
+            reaches.append(_Reach(motion=motion, forces=held, force=force, on_base=base, shear=shear))
     return reaches
 
 

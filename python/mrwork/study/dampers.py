@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, islice
-from math import cos
+from math import cos, inf
 from pathlib import Path
 from typing import get_args
 
@@ -19,7 +19,7 @@ from mrwork.base.summary import named
 from mrwork.base.units import DriverUnit
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
-from mrwork.buildings.device import Device
+from mrwork.buildings.device import Device, ideal_actuator
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
 from mrwork.buildings.state_space import static_condensation
@@ -39,6 +39,9 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
 
     The path of a run is relative to `folder`.
     """
+    if table.actuator:
+        largest_force = inf if table.largest_force is None else table.largest_force
+        return ideal_actuator(name="the actuator", row=(), largest_force=largest_force), "an ideal actuator"
     known: Preset | FittedDamper | None = None
     largest: float | None = None
     if table.preset is not None:
@@ -244,7 +247,7 @@ def equip_building(
     building, names = bare, list[str]()
     for number, table in enumerate(tables):
         storey = bare.storey_name(table.storey)
-        name = table.name or f"damper in {storey}"
+        name = table.name or f"{'actuator' if table.actuator else 'damper'} in {storey}"
         if (brace := table.brace) is not None:
             with keyed("damper", number, "brace"):
                 building = brace_across(

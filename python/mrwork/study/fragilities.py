@@ -109,12 +109,12 @@ class Fragility(Summarised):
     do at their lowest level; the dispersion is 0 where one intensity separates all records.
 
     `medians` are of the bootstrap, of the same records for every arrangement, shape (n_draws,), and lie between the
-    `ends`, shape (2, n_draws): an infinite one, one of 0, and all where the dispersion is 0 in the interval of the
-    middle records, a NaN anywhere. `band` has the lower and upper end of the median.
+    `ends`, shape (2, n_draws): an infinite one, one of 0, and all where the dispersion is 0 in the interval that the
+    records leave, a NaN anywhere. `band` has the lower and upper end of the median.
     At each of the `levels`, shape (n_levels,), `crossed` is the share of the resolved runs that reach the limit, and
     `outside` of all runs that go beyond the tested ranges of a damper; NaN where there is none. `responses` are the
     criterion of each record at each level, shape (n_records, n_levels): infinite where the run diverged, NaN where it
-    could not be resolved, and where there is none.
+    could not be resolved, and where no run was made.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})[label]"
@@ -145,7 +145,8 @@ class Fragility(Summarised):
     @property
     def reaching(self) -> str:
         """How many records reach the limit at any level, such as "7 of 20"."""
-        return f"{sum(crossing.below < math.inf for crossing in self.crossings)} of {len(self.crossings)}"
+        run = [each for each in self.crossings if each.unresolved or each.ends != (0.0, math.inf)]
+        return f"{sum(crossing.below < math.inf for crossing in run)} of {len(run)}"
 
     @property
     def bound(self) -> Literal["above", "below", "not determined", ""]:
@@ -432,15 +433,18 @@ def fragilities_of(
     level: Level = 0.9,
     records: Sequence[str] | None = None,
     measure: str = "PGA",
+    unresolved: Mapping[str, ArrayLike] | None = None,
     seed: Seed = 0,
 ) -> Fragilities:
-    """Fragilities of responses that another program computed: an incremental dynamic analysis of each arrangement.
+    """Fragilities of responses that another program computed: incremental dynamic analyses, or stripes.
+
+    Stripes have other records at each level: a row for each record, with one response.
 
     Parameters
     ----------
     responses
         The criterion of each record at each level, shape (n_records, n_levels), by the label of the arrangement, in
-        SI; infinite where a run collapsed, NaN where there is none. `uncontrolled` is the label of the bare building.
+        SI; infinite where a run collapsed, NaN where no run was made. `uncontrolled` is the label of the bare building.
     levels
         Levels of the intensity [m/s^2], rising, shape (n_levels,).
     limit
@@ -453,13 +457,17 @@ def fragilities_of(
         Names of the records; numbers by default.
     measure
         The measure of intensity in words.
+    unresolved
+        1 where a run was made and failed, so that neither response nor collapse is known, else 0, by label in the shape
+        of `responses`, which are NaN there: the record lies above the level before. By default there are none.
     seed
         Seed of the bootstrap.
 
     Raises
     ------
     SettingError
-        If shapes do not agree, levels do not rise, or there are fewer than two records or levels.
+        If shapes do not agree, a response is known where a run failed, levels do not rise, or there are fewer than two
+        records or levels.
 
     Examples
     --------
@@ -471,6 +479,7 @@ def fragilities_of(
     """
     at = np.asarray(levels, dtype=float)
     stacked = [np.asarray(response, dtype=float) for response in responses.values()]
+    failed = {} if unresolved is None else {name: np.asarray(each, bool) for name, each in unresolved.items()}
     count = len(next(iter(stacked), ())) if records is None else len(records)
     shape = (count, at.size)
     if not stacked or any(response.shape != shape for response in stacked):
@@ -479,6 +488,12 @@ def fragilities_of(
             f"`responses` have the shapes {text or 'of nothing'}; give (n_records, n_levels) for each label, here "
             f"{shape}, with `levels` of shape (n_levels,), and as many names of `records` if you give them"
         )
+    flags = np.array([failed.pop(label, np.zeros(shape, bool)) for label in responses])
+    if failed or flags.shape != (len(stacked), *shape) or (flags & ~np.isnan(stacked)).any():
+        raise SettingError(
+            f"`unresolved` has for labels of `responses` 1 where a run failed and 0 elsewhere, in their shape {shape}, "
+            "and the response is NaN there; give it so, or leave it out where NaN is no run"
+        )
     kinds: dict[str, Kind] = {
         label: "uncontrolled" if label == "uncontrolled" else "controller" for label in responses
     }
@@ -486,7 +501,8 @@ def fragilities_of(
     places = np.zeros(shape, dtype=np.int64)
     of_levels = RecordLevels(records=names, measures=(measure,), levels=at, places=places)
     found = Fragilities(criterion=criterion, limit=limit, unit=criterion_named(criterion).unit, level=level)
-    return _with_rows(found, kinds, of_levels, np.array(stacked), np.zeros((len(kinds), *shape)), seed)
+    outside = np.where(np.isnan(stacked) & ~flags, np.nan, 0.0)
+    return _with_rows(found, kinds, of_levels, np.array(stacked), outside, seed)
 
 
 def _with_rows(
@@ -603,7 +619,8 @@ def _band(ends: Floats, level: float, n_records: int) -> tuple[float, float]:
     return float(lower), float(upper)
 
 
-# A record of so little more or less weight than half of all is still a middle one.
+# A record of so little more or less weight than half of all is still a middle one, and intensities that differ by less
+# are one.
 _TIE = 1e-9
 # Steps of Newton's method and halvings of one, the largest step in standard deviations or of a larger slope, relative
 # length of a step at the maximum, and the least probability of an interval.
@@ -617,10 +634,16 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     open, equal where the intensity is known. `weights` say how often each record counts, shape (n_draws, n_records).
     The shapes are (n_draws,), (n_draws,) and (2, n_draws).
 
-    Where one intensity separates all records the median is that intensity, or 0 or infinite as the open end of the
-    interval of the middle records, which is what is known of it. Elsewhere nothing is known beside the maximum of the
+    Where one intensity separates all records, the misses at or below it and the hits at or above, the median lies
+    between the highest miss and the lowest hit, and the dispersion is 0. Without any hit or miss the median is infinite
+    or 0, and known to the interval of the middle records. Elsewhere nothing is known beside the maximum of the
     likelihood; without one, median and dispersion are NaN.
     """
+    # A record without a run says nothing; of stripes many are known alike.
+    weights = weights * ((above > 0.0) | np.isfinite(below))
+    alike, places = np.unique(np.stack([above, below]), axis=1, return_inverse=True)
+    if 2 * alike.shape[1] < len(above):
+        (above, below), weights = alike, weights @ np.eye(alike.shape[1])[places.ravel()]
     counts = weights > 0.0
     lowest = np.where(counts, below, np.inf).min(axis=1)
     highest = np.where(counts, above, 0.0).max(axis=1)
@@ -629,7 +652,11 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
         medians = np.sqrt(highest * lowest)
     medians[_middle(above, weights, 0.5 + _TIE) == 0.0] = 0.0
     medians[np.isinf(_middle(below, weights, 0.5 - _TIE))] = np.inf
-    dispersions, is_open = np.zeros(len(weights)), highest > lowest
+    # An end that is open here is none of the distribution where other records lie beyond it.
+    is_apart = highest <= (1.0 + _TIE) * lowest
+    both = (highest > 0.0) & np.isfinite(lowest) & is_apart
+    medians[both], low[both], high[both] = _between(above, below, weights[both])
+    dispersions, is_open = np.zeros(len(weights)), ~(is_apart & counts.any(axis=1))
     medians[is_open], dispersions[is_open], low[is_open], high[is_open] = np.nan, np.nan, 0.0, np.inf
     # Of records with one end each it rises with the slope at 0 where the mean of the upper ends lies above the other.
     is_below, is_above = np.isfinite(below), above > 0.0
@@ -644,10 +671,32 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     return medians, dispersions, np.stack([low, high])
 
 
+def _between(above: Floats, below: Floats, weights: Floats) -> Floats:
+    """Medians and their ends, shape (3, n_draws), where misses lie at or below hits and there are both.
+
+    The median lies anywhere between the highest miss and the lowest hit. Where they are one level, what most records do
+    at it says on which side, as far as to the next end of an interval.
+    """
+    highest = np.where(weights > 0.0, above, 0.0).max(axis=1)[:, None]
+    lowest = np.where(weights > 0.0, below, np.inf).min(axis=1)[:, None]
+    before = np.where((weights > 0.0) & (above < highest), above, 0.0).max(axis=1)
+    after = np.where((weights > 0.0) & (below > lowest), below, np.inf).min(axis=1)
+    # Records with one end, at another level, say nothing of this one.
+    known = weights * ((above > 0.0) & np.isfinite(below) | (above == highest) | (below == lowest))
+    total = known.sum(axis=1)
+    hits, misses = ((known * side).sum(axis=1) / total for side in (above < highest, below > lowest))
+    low, high = highest[:, 0], lowest[:, 0]
+    medians, is_one = np.sqrt(low * high), low >= high
+    medians = np.where(is_one & (hits > 0.5 + _TIE) & (before == 0.0), 0.0, medians)
+    medians = np.where(is_one & (misses > 0.5 + _TIE) & np.isinf(after), np.inf, medians)
+    low = np.where(is_one & (hits > 0.5 - _TIE), before, low)
+    return np.array([medians, low, np.where(is_one & (misses > 0.5 - _TIE), after, high)])
+
+
 def _middle(values: Floats, weights: Floats, share: float) -> Floats:
     """The value up to which a share of the weights lies, shape (n_draws,)."""
     order = np.argsort(values)
-    shares = np.cumsum(weights[:, order], axis=1) / weights.sum(axis=1, keepdims=True)
+    shares = np.cumsum(weights[:, order], axis=1) / np.maximum(weights.sum(axis=1, keepdims=True), _TINY)
     return np.asarray(values[order][(shares > share).argmax(axis=1)])
 
 
@@ -679,7 +728,9 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
         at = np.where(worse[:, None], at, at + step)
         total, gradient, curvature = _likelihood(low, high, weights, at)
     slope, offset = np.where(converged, at.T, np.nan)
-    return np.array([np.exp(centre + scale * offset / slope), scale / slope])
+    # Of a likelihood that hardly falls towards a flat distribution the median is of any size.
+    with np.errstate(over="ignore"):
+        return np.array([np.exp(centre + scale * offset / slope), scale / slope])
 
 
 def _likelihood(low: Floats, high: Floats, weights: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:

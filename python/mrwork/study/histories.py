@@ -80,7 +80,7 @@ class Histories:
         study = self._study
         labels = {
             "time": NamedArray.of(history.time, unit="s", long_name="time"),
-            "floor": NamedArray.of(study.building.floor_names),
+            "floor": NamedArray.of(study.building.frame_floors),
             "storey": NamedArray.of(study.building.drift_names),
             "device": NamedArray.of(study.device_names[: history.force.shape[1]]),
             "energy_part": NamedArray.of(_ENERGY),

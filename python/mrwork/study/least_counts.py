@@ -375,7 +375,8 @@ def damper_counts(
         )
     of_all: dict[str, Any] = {"study": study, "criterion": name, "limit": value, "threads": threads}
     of_all["on_progress"] = on_progress
-    devices = [device for device in commanded(study.devices) if device.is_commanded]
+    driven = [device for device in commanded(study.devices) if device.is_commanded]
+    devices = [] if any(device.is_actuator for device in driven) else driven
     storeys = [study.building.storey_name(damper.storey) for damper in study.table.damper[: len(devices)]]
     heights = [study.building.storey_names.index(storey) for storey in storeys]
     dampers = _Trials(

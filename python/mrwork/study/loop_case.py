@@ -12,14 +12,13 @@ import numpy as np
 from mrwork.base.summary import named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
-from mrwork.buildings.device import Device
+from mrwork.buildings.device import Device, ideal_actuator
 from mrwork.buildings.yielding import with_factors
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, command_unit_of
 from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.realisations import Realisations, nominal
@@ -39,7 +38,10 @@ def unobserved(hardware: Hardware) -> Hardware:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopCase:
-    """An arrangement under motions, with hardware, and realisations or none: what a study or a tuning simulates."""
+    """An arrangement under motions, with hardware, and realisations or none: what a study or a tuning simulates.
+
+    With `dampers_only` its peak stroke is that of dampers, also where isolators have one.
+    """
 
     arrangement: Arrangement
     motions: Sequence[GroundMotion]
@@ -47,6 +49,7 @@ class LoopCase:
     realisations: Realisations | None = None
     threads: int = 0
     on_block: OnBlock | None = None
+    dampers_only: bool = False
 
     def under(self, law: StudyLaw | None, devices: Sequence[Device] = ()) -> LoopCase:
         """The case under a law, perhaps with other devices in the places of the own ones."""
@@ -73,8 +76,7 @@ class LoopCase:
         law, hardware = self.arrangement.law, self.hardware
         assert law is not None
         if not devices:
-            spec, row = damper("dahl"), building.storeys[0]
-            devices = (Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0),)
+            devices = (ideal_actuator(name="none", row=building.storeys[0]),)
             law = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
             hardware = unobserved(hardware)
         return simulate_loop(
@@ -139,6 +141,9 @@ class LoopCase:
         if changes is not None:
             responses = _beside(responses)
         runs = runs_of(responses, arrangement, candidate_axes(responses.shape[0], self.motions, count))
+        if self.dampers_only:
+            strokes = runs.numbers["peak_stroke"][..., : len(devices)]
+            runs = replace(runs, numbers={**runs.numbers, "peak_stroke": strokes})
         return runs.criteria(scales_of(arrangement), command_unit_of(devices))
 
 
@@ -174,13 +179,18 @@ def _beside(responses: Responses) -> Responses:
 
 
 def scales_of(arrangement: Arrangement) -> Scales:
-    """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change."""
+    """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change.
+
+    The weight is that of the building without dampers, and on isolators with their slab.
+    """
+    adds_slab = arrangement.building.isolates.any() and not arrangement.bare.isolates.any()
+    weighed = arrangement.building if adds_slab else arrangement.bare
     arrays, storeys = (
         named(arrangement.building, "heights", "yield_drifts", "loads"),
         arrangement.places["storey"],
     )
     of_storeys = {name: array[storeys] if array.size else array for name, array in arrays.items()}
-    return Scales(weight=Scales.of(arrangement.bare).weight, **of_storeys)
+    return Scales(weight=Scales.of(weighed).weight, **of_storeys)
 
 
 def vary_building(arrangement: Arrangement, stiffness: float, damping: float) -> Building:
@@ -192,12 +202,13 @@ def vary_building(arrangement: Arrangement, stiffness: float, damping: float) ->
     if stiffness == 1.0 and damping == 1.0:
         return arrangement.building
     building, bare = arrangement.building, arrangement.bare
-    drifts = bare.drifts
+    drifts = bare.chain
     if building.n_coordinates == bare.n_coordinates:
         back: Floats = np.eye(bare.n_coordinates)
     elif drifts.shape[0] == bare.n_coordinates and np.linalg.matrix_rank(drifts) == bare.n_coordinates:
+        places = [*map(building.storey_names.index, bare.storey_names[: len(drifts)])]
         # Displacements of the bare building relative to its base, from its drifts within the arrangement.
-        back = np.asarray(np.linalg.solve(drifts, building.storeys[arrangement.places["storey"]]))
+        back = np.asarray(np.linalg.solve(drifts, building.storeys[places]))
     else:
         raise SettingError(
             f"{building.name}: stiffness and damping of the building cannot be told from what additions have of "

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.base.documents import read_table
-from mrwork.base.keys import Arguments, check_known, given_in
-from mrwork.base.numbers import of_unit, significant
+from mrwork.base.documents import given_values, read_table
+from mrwork.base.keys import Arguments, check_known, given_in, keys_of
+from mrwork.base.numbers import in_newtons, of_unit, significant
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.remark import Remark
 from mrwork.base.summary import list_names
@@ -66,12 +66,14 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
 
 
 def read_bare_building(path: str | Path) -> Building:
-    """The building of a study file without its dampers, whatever else the file has."""
+    """The building of a study file without its dampers; of the other tables only the names are read."""
     path = Path(path)
     _, document, place = document_in(path)
     if not isinstance(document.get("building"), dict):
         place.refuse("the study has no [building]; give one")
-    table = read_table(BuildingTable, document["building"], place.within("building"))
+    others = {entry.name_in_file for entry in keys_of(StudyTable)} - {"building"}
+    rest = {name: value for name, value in document.items() if name not in others}
+    table: BuildingTable = given_values(StudyTable, rest, place)["building"]
     with place.within("building").prefix_errors(SettingError):
         return table.build(path.parent / str(document.get("folder", "")))
 
@@ -189,6 +191,12 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
             devices = tuple(devices[number] for number in order)
             table = replace(table, damper=tuple(table.damper[number] for number in order))
             sources = [inputs.dampers[number][1] for number in order]
+            kinds = {device.is_actuator: device for device in devices if device.is_commanded}
+            if len(kinds) > 1:
+                raise SettingError(
+                    f"a law commands either {kinds[True].name} or {kinds[False].name}; give the damper a command to "
+                    "hold, as command = 0, or a study of its own"
+                )
         with part():
             motions = motions_of_study(inputs.records, aims)
     with all_mistakes() as part:
@@ -341,11 +349,15 @@ def _facts(
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
         fixed = "" if device.spec.follows_command else ", passive: all its parameters are constant"
+        if device.is_actuator:
+            most = device.largest_command
+            fixed = f", up to {in_newtons(most)}" if math.isfinite(most) else ", of any force"
         if device.command is not None:
             fixed = f", held at {of_unit(device.command, device.spec.command_unit or '')}"
         facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
-    facts += [("Parameters", text) for text in dict.fromkeys(sources)]
-    tested = [device.tested.in_words if device.tested else "not known" for device in devices]
+    dampers = [pair for pair in zip(devices, sources, strict=True) if not pair[0].is_actuator]
+    facts += [("Parameters", text) for text in dict.fromkeys(source for _, source in dampers)]
+    tested = [device.tested.in_words if device.tested else "not known" for device, _ in dampers]
     facts += [("Tested ranges", text) for text in dict.fromkeys(tested)]
     loop = (
         f"a command every {1e3 * hardware.sample_time:g} ms, delay {1e3 * hardware.delay:g} ms, steps of "

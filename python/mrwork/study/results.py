@@ -76,7 +76,9 @@ _BEST_PASSIVE_MISSING: Final = RemarkKind(
 class DamperFacts:
     """Dampers at one place: name, model with its laws, how many, largest command, their storey, tested ranges.
 
-    The drift times `share`, the cosine of their angle, stretches them, and so much of their force is along it.
+    `place` is the name of the storey, which may be of isolators, and stands `on_ground` or on a floor. The drift times
+    `share`, the cosine of their angle, stretches them, and so much of their force is along the motion of the ground,
+    whichever way they face. It is 0 of dampers that only turn a plan.
     """
 
     name: str
@@ -87,6 +89,8 @@ class DamperFacts:
     tested: OperatingRange | None
     share: float = 1.0
     command_unit: str = "A"
+    place: str = ""
+    on_ground: bool = False
 
     @staticmethod
     def of(device: Device, building: Building, storey: int | str) -> DamperFacts:
@@ -102,9 +106,24 @@ class DamperFacts:
             largest_command=device.largest_command,
             storey=building.storey_names.index(building.storey_name(storey)),
             tested=device.tested,
-            share=float(stretch @ row / (row @ row)),
-            command_unit=spec.command_unit or "A",
+            share=_share_along(building.influence, row, stretch),
+            command_unit=device.command_unit or "A",
+            place=building.storey_name(storey),
+            on_ground=bool(row @ building.influence),
         )
+
+
+def _share_along(influence: Floats, row: Floats, stretch: Floats) -> float:
+    """Force of a damper along the motion of the ground over its force, of its `stretch` and the `row` of its storey.
+
+    On the ground it is the force on all coordinates together, between floors that in the direction of their storey;
+    rotations have no part in it.
+    """
+    if row @ influence:
+        return abs(float(stretch @ influence))
+    moved = np.where(influence != 0.0, row, 0.0)
+    moved = moved if moved.any() else row
+    return abs(float(stretch @ moved / (moved @ moved)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,9 +132,11 @@ class BuildingFacts:
 
     `heights` belong to the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
     weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0. `passive` are the
-    passive devices, and `passive_storeys` the storeys that such devices stand across.
+    passive devices, and `passive_storeys` the storeys that such devices stand across; `total_mass` moves with the
+    ground [kg].
 
-    There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix.
+    There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix, with
+    moments of inertia.
     """
 
     name: str
@@ -129,12 +150,13 @@ class BuildingFacts:
     drift_limit: float = 0.0
     passive: tuple[str, ...] = ()
     passive_storeys: tuple[int, ...] = ()
+    total_mass: float = 0.0
 
     @property
     def scales(self) -> Scales:
         """What criteria are divided by."""
         arrays = named(self, "heights", "yield_drifts", "loads").items()
-        weight = sum(self.masses) * STANDARD_GRAVITY
+        weight = (self.total_mass or sum(self.masses)) * STANDARD_GRAVITY
         return Scales(weight=weight, **{name: np.array(array) for name, array in arrays})
 
     @property
@@ -146,7 +168,7 @@ class BuildingFacts:
     def of(building: Building) -> BuildingFacts:
         """The facts of a building without dampers."""
         devices = [element for element in building.elements if not element.in_stiffness]
-        across = (np.flatnonzero((building.drifts == device.row).all(axis=1)).tolist() for device in devices)
+        across = (np.flatnonzero((building.chain == device.row).all(axis=1)).tolist() for device in devices)
         numbers = {
             "masses": np.diag(building.mass),
             "stiffnesses": building.storey_stiffnesses,
@@ -157,6 +179,7 @@ class BuildingFacts:
             name=building.name,
             **{name: tuple(array.tolist()) for name, array in numbers.items()},
             drift_limit=building.drift_limit,
+            total_mass=building.total_mass,
             passive=tuple(device.name for device in devices),
             passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
         )

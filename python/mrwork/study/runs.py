@@ -320,7 +320,7 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
             places = arrangement.places.get(quantity.axis)
             fill(name, columns if places is None else columns[:, places])
         # The command of an ideal actuator is a force, not a current.
-        elif columns is not None and not (name in _COMMANDS and commands_force(arrangement.law)):
+        elif columns is not None and not (name in _COMMANDS and commands_force(arrangement)):
             fill(name, columns[:, : len(dampers)], dampers)
     return runs
 
@@ -328,7 +328,7 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
 def knows_least_strokes(arrangement: Arrangement) -> bool:
     """Whether a damper's tested range has a least stroke, which small strokes leave."""
     return any(device.knows_least_stroke for device in arrangement.devices) and not commands_force(
-        arrangement.law
+        arrangement
     )
 
 
@@ -356,7 +356,7 @@ def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:
     groups = [_device_labels(arrangement) for arrangement in arrangements]
     devices = dict.fromkeys(name for kind in zip(*groups, strict=True) for labels in kind for name in labels)
     bare = arrangements[0].bare
-    return {"floor": bare.floor_names, "storey": bare.drift_names, "device": tuple(devices)}
+    return {"floor": bare.frame_floors, "storey": bare.drift_names, "device": tuple(devices)}
 
 
 def numbered(count: int) -> tuple[str, ...]:

@@ -227,6 +227,8 @@ Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 
 # Angle of a damper that no drift stretches.
 _UPRIGHT = 1.57
+# Keys of a table that an actuator has.
+_OF_ACTUATOR = {"storey", "actuator", "largest_force", "brace", "angle", "row", "name"}
 # Of words with which a law would be given to some of the dampers.
 _OF_ALL = (
     "{} in a [[{}]] would give one group of dampers a law of its own, and a law commands all of them; leave it out, "
@@ -252,10 +254,18 @@ class DamperTable(Stated):
     `count` equal dampers, twice as many if `differential`, are one group with one command. Parameters describe a
     single damper. Everything else means the whole group: forces in results and of the law, wanted and full forces,
     slopes and the control weight of a law, and a brace. Forces and strokes are along the damper, which is horizontal
-    unless an `angle` or a `row` is given.
+    unless an `angle` or a `row` is given. With `actuator = true` an ideal actuator stands there; a law then commands
+    actuators alone, and dampers beside them are passive or hold a command.
     """
 
     storey: int | str = key("storey of the damper: its number from 1, or its name")
+    actuator: bool = key(
+        "whether it is an ideal actuator, which exerts the force that the law active or a law in Python commands",
+        default=False,
+    )
+    largest_force: float | None = positive(
+        "force to either side at which an actuator saturates, by default none", unit="N"
+    )
     preset: str | None = optional("published set, as kwok2006; see mrwork models NAME")
     run: str | FittedDamper | None = optional(
         "folder of an identified run, relative to the study file", file=True
@@ -329,6 +339,14 @@ class DamperTable(Stated):
     )
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        if self.actuator:
+            for name in sorted(given_in(self).keys() - _OF_ACTUATOR):
+                yield name, f"{name} is of a damper, and this is an actuator; leave it out"
+            return
+        if self.largest_force is not None:
+            yield "largest_force", "largest_force is of an actuator; leave it out, or give actuator = true"
+        if self.model == "ideal_actuator":
+            yield "model", "ideal_actuator is no damper; give actuator = true in place of the model"
         if self.preset is not None and self.run is not None:
             yield (), "[[damper]] has a preset and a run; give one of them"
         if self.preset is None and self.run is None and self.model is None:
@@ -393,16 +411,22 @@ class ControllerTable(Stated):
     )
     largest_command: float | str | None = positive(
         "largest command that this law may send, by default as the dampers have it; where some follow a current and "
-        "others a voltage a share of the largest of each",
-        unit="A or V",
-        usual=_COMMANDS,
+        "others a voltage a share of the largest of each; of the law active, and for actuators, the force at which "
+        'each saturates, as "50 kN"',
+        unit="A or V or N",
     )
     dead_zone: NotNegative = key("damper velocity below which the command is zero", unit="m/s", default=0.0)
-    command_slope: float = positive(
-        "largest change of the command of this law per time, from sample to sample",
-        unit="A/s or V/s",
+    command_slope: float | str = positive(
+        "largest change of the command of this law per time, from sample to sample; of the law active, and for "
+        "actuators, of each force",
+        unit="A/s or V/s or N/s",
         default=math.inf,
     )
+
+    def slope_in(self, unit: str) -> float:
+        """The `command_slope` of commands in a unit; infinite where none is given."""
+        slope = self.command_in("command_slope", f"{unit}/s")
+        return math.inf if slope is None else slope
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         if self.user is None and not self.law:
@@ -670,6 +694,8 @@ def laws_text() -> str:
     for spec, of_law in keys.items():
         prose = [spec.description, spec.source]
         prose += ["It switches, so its score has no gradient."] if spec.switches else []
+        actuators = "It commands actuators, [[damper]] actuator = true, or one in the place of each damper."
+        prose += [actuators] if spec.commands_force else []
         if elsewhere := [key.name for key in of_law if key in shared]:
             prose.append(f"settings described below: {', '.join(elsewhere)}")
         below = [line for text in prose for line in heading_lines("", text)[1:]]

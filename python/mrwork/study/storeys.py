@@ -168,6 +168,8 @@ def _stability_remarks(results: StudyResults, facts: BuildingFacts) -> Iterator[
     if not (facts.heights and facts.stiffnesses) or min(facts.heights) <= 0.0:
         return
     above = STANDARD_GRAVITY * np.cumsum(facts.masses[::-1])[::-1]
+    # Isolators below have no height.
+    above = above[len(facts.stiffnesses) - len(facts.heights) :]
     scales, worst = facts.scales if facts.loads else replace(facts.scales, loads=above), (0.0, "")
     if len(scales.loads) != len(facts.heights):
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -21,7 +22,7 @@ from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
 from mrwork.buildings.device import Device
-from mrwork.buildings.groups import commanded, joined_units
+from mrwork.buildings.groups import commanded, joined_units, sends_forces
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law
@@ -151,8 +152,15 @@ class NamedLaw:
         return not self.missing and not self.lacks_motion
 
     def shaped(self, law: ControlLaw) -> ControlLaw:
-        """A law with dead zone and slope of the table."""
-        return replace(law, dead_zone=self.table.dead_zone, command_slope=self.table.command_slope)
+        """A law with dead zone, slope and largest force of the table."""
+        forces = law.spec.commands_force
+        limit = self.table.command_in("largest_command", "N") if forces else None
+        return replace(
+            law,
+            dead_zone=self.table.dead_zone,
+            command_slope=self.table.slope_in("N" if forces else self.problem.devices[0].command_unit or "A"),
+            largest_force=math.inf if limit is None else limit,
+        )
 
     def design(self, problem: DesignProblem, taken: Mapping[str, Any]) -> ControlLaw:
         """The gains of the law, with settings that were taken where none were given."""
@@ -188,17 +196,17 @@ class Arrangement:
 
     @cached_property
     def places(self) -> Mapping[str, list[int]]:
-        """Indices of every floor and storey of the bare building."""
+        """Indices of every floor and storey of the bare building, without isolators and their slab."""
         return {
-            "floor": [*map(self.building.floor_names.index, self.bare.floor_names)],
+            "floor": [*map(self.building.floor_names.index, self.bare.frame_floors)],
             "storey": [*map(self.building.storey_names.index, self.bare.drift_names)],
         }
 
     @property
     def strokes(self) -> list[int]:
-        """Indices of added storeys without devices, such as isolators, which have a stroke, too."""
-        added = set(range(len(self.building.storeys))).difference(self.places["storey"])
-        return [] if self.devices else sorted(added)
+        """Indices of isolators, and without devices of what else was added, which have a stroke, too."""
+        added = sorted(set(range(len(self.building.storeys))).difference(self.places["storey"]))
+        return [index for index in added if not self.devices or self.building.isolates[index]]
 
     @property
     def passive_devices(self) -> list[int]:
@@ -206,9 +214,10 @@ class Arrangement:
         return [index for index, element in enumerate(self.building.elements) if not element.in_stiffness]
 
 
-def commands_force(law: StudyLaw | None) -> bool:
-    """Whether a law commands forces, which ideal actuators exert."""
-    return isinstance(law, ControlLaw) and law.spec.commands_force
+def commands_force(arrangement: Arrangement) -> bool:
+    """Whether the law of an arrangement commands forces, which ideal actuators exert."""
+    law = arrangement.law
+    return sends_forces(arrangement.devices) or (isinstance(law, ControlLaw) and law.spec.commands_force)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -292,7 +301,7 @@ class Study(Summarised):
     @property
     def command_unit(self) -> str:
         """Unit of the commands, A without dampers, "A and V" where some follow a current and others a voltage."""
-        return joined_units(device.spec.command_unit for device in commanded(self.devices)) or "A"
+        return joined_units(device.command_unit for device in commanded(self.devices)) or "A"
 
     @property
     def facts(self) -> tuple[tuple[str, str], ...]:
@@ -306,7 +315,7 @@ class Study(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """On records and their target, on the building and its baselines, and on unusual numbers.
+        """On records and their target, on the building and its baselines, on unusual numbers, and on loops of laws.
 
         Damping of a baseline is told of only where there is nothing to be said of the building.
         """
@@ -327,7 +336,12 @@ class Study(Summarised):
         of_records = dict.fromkeys(remark for motion in self.motions for remark in motion.remarks)
         of_motions = (*of_records, *copies_remarks(copies))
         of_motions += () if self.suite is None else self.suite.remarks
-        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.unusual)
+        of_laws = (
+            replace(remark, message=f"{label}: {remark.message}", words=(label, *remark.words))
+            for label, law in self.laws
+            for remark in law.remarks
+        )
+        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.unusual, *of_laws)
 
     @property
     def at_zero(self) -> Arrangement:
@@ -495,7 +509,8 @@ def uses_in_words(uses: Sequence[Use]) -> str:
 
 def constant_share(devices: Sequence[Device], share: float) -> ControlLaw:
     """The law with a constant command, a share of the largest command of each device."""
-    return constant_commands([share * device.largest_command for device in commanded(devices)])
+    # An actuator of any force has an infinite largest command.
+    return constant_commands([share and share * device.largest_command for device in commanded(devices)])
 
 
 def constant_commands(commands: ArrayLike) -> ControlLaw:
@@ -528,6 +543,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
     if isinstance(law, ControlLaw):
         numbers = sorted({**law.gains, **law.tables}.items())
         inputs = [law.name, [(name, _digest(array)) for name, array in numbers], law.shaping]
+        inputs += [law.largest_force] * math.isfinite(law.largest_force)
         inputs += [] if law.curve is None else [law.curve[0], _digest(law.curve[1])]
         inputs += [] if law.model is None else [_digest_of_loop(law.model.building, law.model.devices)]
     elif law is not None:

@@ -113,9 +113,10 @@ def _matrices(building: Building) -> dict[str, bytes]:
 
 def _statements(building: Building) -> dict[str, Any]:
     stated = {
-        **named(building, "name", "source", "floor_names", "storey_names", "n_strokes", "drift_limit"),
-        "heights": building.drift_heights.tolist(),
-        "loads": building.loads[: len(building.drifts)].tolist(),
+        **named(building, "name", "source", "floor_names", "storey_names", "n_strokes", "isolators"),
+        **named(building, "drift_limit"),
+        "heights": building.heights[: len(building.chain)].tolist(),
+        "loads": building.loads[: len(building.chain)].tolist(),
         "element": [as_document(element) | {"row": element.row.tolist()} for element in building.elements],
     }
     return {name: value for name, value in stated.items() if value}

@@ -416,6 +416,7 @@ class _Lacking:
         """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
         problem = self.whole
         self.course.begin("dampers at i = 0 and at the largest command")
-        off, on = (self.case.under(constant_share(problem.devices, share)).criteria() for share in (0.0, 1.0))
+        case = replace(self.case, dampers_only=True)
+        off, on = (case.under(constant_share(problem.devices, share)).criteria() for share in (0.0, 1.0))
         magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, problem.devices)
         return off, on, magnitudes

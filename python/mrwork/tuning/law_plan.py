@@ -243,7 +243,7 @@ def without_gradient(study: Study, table: TuneTable) -> str:
 
 def check_controllable(study: Study) -> None:
     """Refuse a study of which no law can be tuned."""
-    if not any(device.is_commanded for device in study.devices):
+    if not any(device.is_commanded and not device.is_actuator for device in study.devices):
         raise SettingError(
             f"study {study.title!r} has no damper that follows a command, so no law can be tuned; give it one"
         )

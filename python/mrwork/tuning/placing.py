@@ -44,7 +44,9 @@ def placements_of(study: Study) -> tuple[Placed, list[Placed]]:
                 "one, and give an angle instead of a row",
             )
     with keyed("places", "storeys"):
-        names = list(dict.fromkeys(map(bare.storey_name, places.storeys or bare.drift_names)))
+        names = list(
+            dict.fromkeys(map(bare.storey_name, places.storeys or bare.storey_names[: len(bare.chain)]))
+        )
     number = places.dampers or len(dampers)
     if len(dampers) not in (1, number):
         raise InvalidSettingError(

@@ -26,7 +26,7 @@ from mrwork.store.long_call import LongCall
 from mrwork.study.loop_case import training_case
 from mrwork.study.motions import refuse_same
 from mrwork.study.schema import Risk, TuneTable
-from mrwork.study.study import Study, fingerprint_of
+from mrwork.study.study import Study, constant_share, fingerprint_of
 from mrwork.study.trials import designed, magnitudes_of_runs
 from mrwork.tuning.law_plan import Bench, LawPlan, check_controllable, without_gradient
 from mrwork.tuning.law_tuning import (
@@ -186,6 +186,9 @@ def _plan(
         robust = replace(case, realisations=study.realisations)
         benches.append(replace(bench, case=robust).with_baselines(baselines))
     off, on = (benches[0].baselines[kind] for kind in ("passive_off", "passive"))
+    if study.building.isolates.any():
+        # Of the dampers, not of the isolators.
+        off = replace(case, dampers_only=True).under(constant_share(study.devices, 0.0)).criteria()
     magnitudes = magnitudes_of_runs(study.building, study.chosen_on, off, on, study.devices)
     chooses = any(SETTINGS[law].chooses_levels for table in tables for law in table.laws)
     if chooses and study.problem.reference_peaks is not None:

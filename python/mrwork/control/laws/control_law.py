@@ -17,11 +17,12 @@ from mrwork.base.arguments import May, NotNegative, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device
-from mrwork.buildings.groups import sends_shares
+from mrwork.buildings.groups import commanded, sends_forces, sends_shares
 from mrwork.buildings.plane_building import Building
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
@@ -94,9 +95,14 @@ class ControlLawSpec:
 
 
 def refuse_units(spec: ControlLawSpec, devices: Sequence[Device]) -> None:
-    """Refuse devices of both units where the law sends a command of one unit."""
+    """Refuse devices of both units where the law sends a command of one unit, and actuators where it sends no force."""
+    if sends_forces(devices) and not spec.commands_force:
+        raise SettingError(
+            f"{spec.name} sends currents or voltages to dampers, and the command of {commanded(devices)[0].name} is a "
+            "force; give the law active, or a law in Python"
+        )
     if sends_shares(devices) and not spec.takes_both_units:
-        by_unit = {device.spec.command_unit: device.name for device in devices if device.is_commanded}
+        by_unit = {device.command_unit: device.name for device in devices if device.is_commanded}
         words = (f"{name} follows one in {unit}" for unit, name in by_unit.items())
         raise SettingError(
             f"{spec.name} sends one command to all dampers, and {' and '.join(words)}; choose a law whose command "
@@ -143,11 +149,15 @@ class ControlLaw(Summarised):
         The designed weights of its gain, if it has any.
     margins
         Stability margins of its linear loop, if it has one.
+    remarks
+        On the linear loop of its gain: a sign or an order of the columns that fits better, an unstable loop.
     dead_zone
         Damper velocity below which the command is zero [m/s], by the velocity that the law receives. Near rest a damper
         dissipates next to nothing, and the sign of its velocity, on which laws switch, is random.
     command_slope
-        Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
+        Largest change of the command per time [A/s or V/s, N/s of forces], from sample to sample, after the dead zone.
+    largest_force
+        Force at which every actuator saturates, of a law that commands forces [N].
     model
         Building and dampers by which the law predicts the motion; they may differ from the simulated ones.
 
@@ -169,10 +179,12 @@ class ControlLaw(Summarised):
     curve: tuple[DamperSpec, ArrayLike] | None = None
     dead_zone: NotNegative = 0.0
     command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
+    largest_force: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
     model: LoopModel | None = None
     notes: tuple[str, ...] = ()
     weights: DesignedWeights | None = None
     margins: LoopMargins | None = None
+    remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
         spec = self.spec
@@ -191,6 +203,8 @@ class ControlLaw(Summarised):
                 f"{spec.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic "
                 "with current laws, of the damper itself or of its static counterpart"
             )
+        if math.isfinite(self.largest_force) and not spec.commands_force:
+            raise SettingError(f"{spec.name} commands no forces; leave `largest_force` out")
         if self.model is not None and not spec.needs_model:
             raise SettingError(f"{spec.name} does not predict the motion; leave `model` out")
         if spec.needs_model and self.model is None:
@@ -230,7 +244,8 @@ class ControlLaw(Summarised):
             notes.append(f"The command is zero below a damper velocity of {of_unit(self.dead_zone, 'm/s')}.")
         if math.isfinite(self.command_slope):
             slope = format_rounded(self.command_slope)
-            notes.append(f"The command changes by at most {slope} A or V per second.")
+            unit = "N" if self.spec.commands_force else "A or V"
+            notes.append(f"The command changes by at most {slope} {unit} per second.")
         return tuple(notes)
 
     @checked
@@ -281,6 +296,7 @@ class ControlLaw(Summarised):
                 *self.notes,
                 *self.shaping_notes,
             ),
+            remarks=self.remarks,
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
@@ -12,11 +12,13 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import key, positive
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
 from mrwork.buildings.groups import commands_of
 from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec, LoopModel, control_law
 from mrwork.control.laws.fuzzy import FuzzySettings
+from mrwork.control.laws.gain_conventions import gain_remarks
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span, unlike_first
 from mrwork.control.laws.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.laws.regulator_settings import (
@@ -191,6 +193,10 @@ def design_law(
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
     margins = settings.margins(problem, design, () if spec.commands_force else problem.driver_rates)
+    remarks: Iterable[Remark] = ()
+    if isinstance(settings, RegulatorSettings):
+        given = settings.gain is not None
+        remarks = gain_remarks(problem.plant, design.gains["gain"], given=given, margins=margins)
     return ControlLaw(
         name=name,
         gains=design.gains,
@@ -204,6 +210,7 @@ def design_law(
         ),
         weights=settings.weights(problem),
         margins=margins,
+        remarks=tuple(remarks),
     )
 
 

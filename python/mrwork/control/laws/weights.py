@@ -187,7 +187,7 @@ class CostWeights(SolvedSettings):
     """Weights of outputs and state; what several of them add to the cost is summed.
 
     Each weight is one number for all floors, storeys, devices or states, one for each, or a symmetric matrix; without
-    any, the energy of the building is weighed.
+    any, the energy of the building is weighed. One number for all storeys leaves isolators free to move.
     """
 
     accelerations: Weights | None = _declare_weight(
@@ -235,6 +235,9 @@ class CostWeights(SolvedSettings):
             weights = getattr(self, name)
             if weights is not None:
                 outputs = make(plant)
+                if noun == "storeys" and isinstance(weights, int | float):
+                    pairs_of = zip(outputs.names, plant.building.isolates, strict=True)
+                    outputs = outputs.select([output for output, isolates in pairs_of if not isolates])
                 pairs.append((outputs, weight_matrix(name, weights, len(outputs.names), noun)))
         parts = []
         if pairs:

@@ -96,7 +96,7 @@ class LoopMargins(Summarised):
         if not self.stable:
             return (
                 f"The linear loop of this gain is not stable with the hardware of the study ({loop}), so it has no "
-                "margins: a larger R asks for less."
+                "margins."
             )
         others = ", the loops of the others closed" if len(self.devices) > 1 else ""
         margins = "; ".join(device.in_words for device in self.devices)

@@ -116,8 +116,7 @@ class LimitedOutputs:
 
 
 def _drifts_without_strokes(plant: Plant) -> Outputs:
-    every = drifts(plant)
-    return every.select(every.names[: len(plant.building.drifts)])
+    return drifts(plant).select([f"drift {name}" for name in plant.building.drift_names])
 
 
 def _forces(plant: Plant) -> Outputs:
@@ -173,6 +172,12 @@ def sine_force(device: Device, amplitude: float, velocity: float, command: float
     It is the last of three cycles of a sinusoid at a constant command, from its middle on.
     """
     samples, unit = 400, device.spec.command_unit
+    if device.is_actuator:
+        if np.isinf(command):
+            raise SettingError(
+                f"{device.name} has no largest force, from which the law takes its budget; give it"
+            )
+        return np.full(samples, command)
 
     def force(sign: float) -> Floats:
         motion = sinusoid(

@@ -255,11 +255,12 @@ def _iterate_once(
     damping[active] = np.maximum(damping[active] * factor, 1e-12)
     # A model may fit simulated forces exactly.
     decrease = 1.0 - (misfit[active] / np.maximum(before, 1e-300)) ** 2
-    enough = np.full(active.size, tolerance)
+    enough = decrease < tolerance
     # What lies beyond the limit is negligible, and so is the rest of a slow way along it.
-    at_limit = is_at_stiffness_limit(objective.compared, theta[active])
-    enough[at_limit] = max(tolerance, _TOLERANCE_AT_LIMIT)
-    arrived[active] = np.where(better, decrease < enough, damping[active] > _MOST_DAMPING)
+    slow = np.flatnonzero(~enough & (decrease < _TOLERANCE_AT_LIMIT))
+    if slow.size:
+        enough[slow] = is_at_stiffness_limit(objective.compared, theta[active[slow]])
+    arrived[active] = np.where(better, enough, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
     return new
 

@@ -205,10 +205,10 @@ def with_best_forces(objective: Objective, box: Box, theta: Floats) -> tuple[Flo
     """
     theta = np.clip(theta, box.lower, box.upper)
     every = np.ones((len(theta), len(objective.compared)), dtype=np.bool_)
-    equations = NormalEquations.at(objective, box, theta, every)
+    coordinates = Straight(objective.spec, box)
+    equations = NormalEquations.at(objective, box, theta, every, coordinates.of_force)
     shares = np.tile(objective.shares, (len(theta), 1))
     before = np.sqrt(np.einsum("rt,rt->r", shares, equations.squared))
-    coordinates = Straight(objective.spec, box)
     held = np.tile(~coordinates.of_force, (len(theta), 1))
     equations = equations.by(coordinates.slope(theta, held))
     simulated = np.isfinite(before) & np.isfinite(equations.joint(shares)[1]).all(axis=(1, 2))

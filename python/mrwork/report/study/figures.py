@@ -132,10 +132,12 @@ def device_section(
     if not shown:
         return None
     unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)).symbol
-    signals = (signal for _, history in shown for signal in (history.current, history.command))
-    largest = max(float(signal[:, 0].max()) for signal in signals) or 1.0
+    # The command of an actuator is its force.
+    sent = {row: history for row, history in shown if results.rows[row].what.has_commands}
+    signals = (signal for history in sent.values() for signal in (history.current, history.command))
+    largest = max((float(signal[:, 0].max()) for signal in signals), default=0.0) or 1.0
     device, unit_of_command = results.dampers[0].name, results.dampers[0].command_unit
-    what = "current" if unit_of_command == "A" else "voltage"
+    what = {"A": "current", "V": "voltage"}.get(unit_of_command, "command")
     groups, balances = [], []
     for row, history in shown:
         label, stroke, panels = results.rows[row].label, of_row[row], []
@@ -149,7 +151,7 @@ def device_section(
             canvas.name_above(axes)
             words = f"Force of {device} against {over} under {name}: {label}"
             panels.append(panel(f"loop-{over}-{row}", "", figure, words))
-        if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
+        if row in sent and max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
             part = strip_of(history)
             first, last, end = (significant(history.time[at], 3) for at in (part.start, part.stop - 1, -1))
             figure, axes = canvas.column_axes(height=2.0)

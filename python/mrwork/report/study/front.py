@@ -64,7 +64,7 @@ def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -
     return Lead(
         eyebrow="Control laws tuned, and the response of the building with them"
         if isinstance(results, TunedStudy)
-        else "Response of a building with MR dampers",
+        else f"Response of a building with {'actuators' if results.command_unit == 'N' else 'MR dampers'}",
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
@@ -91,7 +91,7 @@ def _subject(results: StudyResults) -> str:
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
     damping = f", damping {', '.join(ratios)} %" if ratios else ""
-    mass = significant(1e-3 * sum(facts.masses), 3)
+    mass = significant(1e-3 * (facts.total_mass or sum(facts.masses)), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
     drifts = [1e3 * drift for drift in facts.yield_drifts if drift]
     yields = f", yields at {least_to_most(drifts)} mm of drift" if drifts else ""
@@ -232,7 +232,10 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     # With additions there are more masses than storeys.
     if len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
         return
-    dampers = [f"{format_fixed(damper.count, 0)} in storey {damper.storey + 1}" for damper in results.dampers]
+    dampers = [
+        f"{format_fixed(damper.count, 0)} in {damper.place or f'storey {damper.storey + 1}'}"
+        for damper in results.dampers
+    ]
     dampers += facts.passive
     figure, axes = small_axes()
     axes.set_position((0.02, 0.02, 0.96, 0.94))

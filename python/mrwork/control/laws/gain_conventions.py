@@ -1,0 +1,119 @@
+"""What tells that a finished gain is meant otherwise: the loop of other signs and orders of its columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from mrwork.base.remark import Remark, RemarkKind
+from mrwork.base.values import Floats
+from mrwork.control.linear.margins import LoopMargins
+from mrwork.control.linear.plant import Plant
+
+# Coordinates times devices, or times four, up to which the loops of other readings are looked at, in a second.
+_MOST = 400
+# Least return difference of a regulator, but for the rounding of its gain, and one below which a gain is of none.
+_REGULATOR, _NO_REGULATOR = 0.995, 0.9
+_FREQUENCIES, _ROUNDING = 150, 1e-9
+# Places about each pole, in half widths of its resonance.
+_ABOUT = np.sinh(np.linspace(-4.0, 4.0, 15))
+
+_CONVENTION: Final = RemarkKind(
+    "gain_convention",
+    "as f_c = -K s, a force that resists the lengthening of its device, with all displacements before all velocities, "
+    "lowest first, the gain {0}; it {1} as {2}",
+    "give the gain that is meant",
+)
+_UNSTABLE: Final = RemarkKind(
+    "gain_unstable",
+    "the linear loop of the gain is not stable, with forces of either sign and other orders of its columns neither",
+    "give a gain of this building in N/m and N s/m",
+)
+_HELD: Final = RemarkKind(
+    "loop_held_unstable",
+    "the linear loop of the gain is stable with continuous forces, and not with sample time, delay and lag of the "
+    "hardware",
+    "shorten them, or take a smaller gain, as of a larger R",
+)
+
+
+def gain_remarks(
+    plant: Plant, gain: Floats, *, given: bool = True, margins: LoopMargins | None = None
+) -> Iterator[Remark]:
+    """Remarks on the loop of a gain K of `f_c = -K s`, shape (n_devices, 2n): whether other readings fit better.
+
+    A gain that is `given` may follow another convention. The one that is meant has a stable loop; that of a regulator
+    with R in proportion to 1 has also a return difference `|1 + L|` of at least 1 at all frequencies, whatever
+    its weights (Kalman, J. Basic Eng. 86, 1964, 51-60), which other signs and orders seldom have. `margins` are
+    those of the loop with its hardware. Of 100 coordinates, or 400 coordinates times devices, and more there are none.
+    """
+    if plant.n_coordinates * max(plant.n_devices, 4) > _MOST or not (np.isfinite(gain).all() and gain.any()):
+        return
+    stable = _is_stable(plant, gain)
+    if given and not (stable and _return_difference(plant, gain) > _NO_REGULATOR):
+        others = {
+            words: _return_difference(plant, K) > _REGULATOR
+            for words, K in _readings(plant, gain)
+            if _is_stable(plant, K)
+        }
+        # Where our loop is not stable, that of the other sign is named in any case, and every one if none is sure.
+        named = [] if stable else [_PUSHES] if any(others.values()) else [*others]
+        fitting = [words for words, is_regulator in others.items() if is_regulator or words in named]
+        if fitting:
+            found = ("is no regulator", "is one") if stable else ("has an unstable loop", "has a stable one")
+            yield _CONVENTION.remark(*found, " or ".join(fitting))
+        elif not stable:
+            yield _UNSTABLE.remark()
+    if stable and margins is not None and not margins.stable:
+        yield _HELD.remark()
+
+
+_PUSHES = "-K, which is K of `lqr` with forces that push the floors, B = [0; M^-1 D]"
+
+
+def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
+    """The gain with other conventions in words, as it stands in ours."""
+    n, drifts = plant.n_coordinates, plant.building.drifts
+    x, v = gain[:, :n], gain[:, n:]
+    orders = {
+        "velocities before displacements": (v, x),
+        "displacement and velocity of each coordinate by turns": (gain[:, ::2], gain[:, 1::2]),
+        "the coordinates from the top down": (x[:, ::-1], v[:, ::-1]),
+    }
+    if drifts.shape == (n, n):
+        orders["drifts of the storeys in place of displacements"] = (x @ drifts, v @ drifts)
+    yield _PUSHES, -gain
+    for words, columns in orders.items():
+        K = np.hstack(columns)
+        # Of one coordinate most orders are the same.
+        if not np.array_equal(K, gain):
+            yield from ((words, K), (f"-K and {words}", -K))
+    for device, name in enumerate(plant.device_names if len(gain) > 1 else ()):
+        signs = np.where(np.arange(len(gain)) == device, -1.0, 1.0)
+        yield f"the other sign of {name} alone", signs[:, None] * gain
+
+
+def _is_stable(plant: Plant, gain: Floats) -> bool:
+    T = plant.scaling
+    poles = np.linalg.eigvals(np.linalg.solve(T, (plant.A - plant.B @ gain) @ T))
+    # A mode without damping that no device moves is not the fault of a gain.
+    return bool(poles.real.max() < _ROUNDING * np.abs(poles).max())
+
+
+def _return_difference(plant: Plant, gain: Floats) -> float:
+    """Least singular value of `1 + K (j w - A)^-1 B` over the frequencies w."""
+    T = plant.scaling
+    poles, V = np.linalg.eig(np.linalg.solve(T, plant.A @ T))
+    pushed = np.linalg.pinv(V) @ np.linalg.solve(T, plant.B)
+    size = np.abs(poles)
+    upper = poles[poles.imag >= 0.0]
+    about = upper.imag[:, None] + np.abs(upper.real)[:, None] * _ABOUT
+    wide = np.geomspace(1e-2 * max(size.min(), 1e-3 * size.max()), 1e2 * size.max(), _FREQUENCIES)
+    frequencies = np.unique(np.concatenate([wide, about.ravel()]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        L = ((gain @ T @ V) / (1j * frequencies[:, None, None] - poles)) @ pushed
+    # At a pole without damping it is infinite.
+    L = L[np.isfinite(L).all(axis=(1, 2))]
+    return float(np.linalg.svd(np.eye(len(gain)) + L, compute_uv=False)[:, -1].min(initial=np.inf))
