@@ -41,6 +41,7 @@ def buildings_calls(_: Path) -> Calls:
     shear |= {"floor_names": ["a", "b"], "storey_names": ["c", "d"]}
     yield call(of.shear_building, name="x", **shear, source="s", status="ours")
     yield call(of.with_modal_damping, building=frame, ratios=[0.02] * 5)
+    yield call(of.static_condensation, building=frame, shortest_period=1e-3, keep=frame.storeys)
     values = {
         **{"building": frame, "storey": 1, "floor": 5, "mode": 1, "n_modes": 2, "name": "added"},
         **{"a0": 0.1, "a1": 1e-4, "ratios": (0.02, 0.03), "modes": (1, 3), "tuning": "sadek"},

@@ -217,10 +217,10 @@ def numbers_of(result: Any) -> dict[str, Any]:
         case mr.study.Fragilities():
             one = next(iter(result.rows.values()))
             return {"intensity": one.levels, "reached": one.crossed}
-        case mr.study.DamperCounts(tried=tried):
+        case mr.study.DamperCounts(rows=(row, *_)):
             return {
-                "dampers": [each.uniform for each in tried],
-                "reached": [each.values[1] for each in tried],
+                "dampers": [each.uniform for each in row.tried],
+                "reached": [each.value for each in row.tried],
             }
     return {}
 

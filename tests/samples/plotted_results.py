@@ -161,9 +161,9 @@ def tuning(*fronts: Front) -> mr.TuningResults:
 
 def damper_counts() -> mr.study.DamperCounts:
     """Two rows, of which one keeps a drift of 10 mm."""
-    tried = (
-        TriedCounts(counts=(count, count), values=(0.02, 0.016 / count, 0.014 + 1e-3 * count))
-        for count in (1, 2, 4)
+    rows = (
+        ("Optimal passive", "best_passive", (2, 2), lambda count: 0.016 / count),
+        ("Lyapunov", "controller", (1, 1), lambda count: 0.014 + 1e-3 * count),
     )
     return mr.study.DamperCounts(
         criterion="peak_drift",
@@ -172,19 +172,20 @@ def damper_counts() -> mr.study.DamperCounts:
         by="uniform",
         most=4,
         bare=0.02,
-        places=("one", "other"),
-        rows=(
+        rows=tuple(
             RowCount(
-                label="Optimal passive",
-                kind="best_passive",
-                keeps=True,
-                counts=(2, 2),
-                value=0.008,
-                dampers=4,
-            ),
-            RowCount(label="Lyapunov", kind="controller", keeps=False, counts=(1, 1), value=0.015, dampers=2),
+                label=label,
+                kind=kind,
+                keeps=value(counts[0]) <= 0.01,
+                places=("one", "other"),
+                counts=counts,
+                value=value(counts[0]),
+                total=float(sum(counts)),
+                unit="dampers",
+                tried=tuple(TriedCounts(counts=(count, count), value=value(count)) for count in (1, 2, 4)),
+            )
+            for label, kind, counts, value in rows
         ),
-        tried=tuple(tried),
         runs=100,
     )
 

@@ -39,8 +39,11 @@ def study(tmp_path: Path, building: str, more: str = "") -> mr.Study:
     return mr.read_study(path)
 
 
-def test_rotations_with_their_influence_are_silent(tmp_path: Path) -> None:
-    assert study(tmp_path, BEAM + NAMED).remarks == ()
+def test_rotations_with_their_influence_are_condensed_and_else_silent(tmp_path: Path) -> None:
+    read = study(tmp_path, BEAM + NAMED)
+    assert [remark.code for remark in read.remarks] == ["coordinates_condensed"]
+    assert read.building.n_coordinates == 2
+    assert study(tmp_path, BEAM + NAMED + "condense = false\n").remarks == ()
 
 
 def condensed(n: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

@@ -21,6 +21,7 @@ from .passive_devices import with_yielding_damper as with_yielding_damper
 from .passive_element import PassiveElement as PassiveElement
 from .plane_building import Building as Building
 from .state_space import modal_truncation as modal_truncation
+from .state_space import static_condensation as static_condensation
 from .yielding import Pushover as Pushover
 from .yielding import pushover as pushover
 from .yielding import with_p_delta as with_p_delta

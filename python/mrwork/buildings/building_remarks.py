@@ -62,7 +62,8 @@ _STIFF_MODE: Final = RemarkKind(
     "mode_stiff",
     "{0}: mode {mode} at {frequency:.4g} Hz has {percent:.3g} % of critical damping; it moves {share:.1g} of the mass, "
     "by coordinate {part}, {mass:g} kg",
-    "condense this coordinate out of the matrices, or damp its mode by modal_damping",
+    "leave this coordinate out of floors, storeys and influence and give condense = true in [building], or damp its "
+    "mode by modal_damping",
 )
 
 

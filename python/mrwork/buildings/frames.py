@@ -446,6 +446,7 @@ def with_base_isolation(
         heights=np.append([0.0] * bool(building.heights.size), building.heights),
         loads=np.append([0.0] * bool(building.loads.size), building.loads),
         elements=transform_elements(building.elements, relative),
+        condensed=tuple(number + 1 for number in building.condensed),
         source=source_with(building, "base isolation added"),
         status="ours",
     )

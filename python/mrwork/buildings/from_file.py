@@ -48,7 +48,7 @@ from mrwork.buildings.passive_devices import (
 )
 from mrwork.buildings.passive_element import PassiveElement
 from mrwork.buildings.plane_building import Building, source_with
-from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states
+from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states, static_condensation
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matlab import Variables, describe_left_out, matrices_among
@@ -103,6 +103,11 @@ class BuildingTable:
     )
     influence: _Numbers | str | None = optional(
         "coordinates under a unit displacement of the ground; ones by default", file=True
+    )
+    condense: bool | None = optional(
+        "whether coordinates that no floor, storey, element, row of a damper or influence names are condensed "
+        "statically; by default those without mass, and in a study, if periods are below a tenth of its step, those of "
+        "periods below the step"
     )
     floors: _Rows | str | None = optional(
         "rows from coordinates to floors; by default each is a floor", file=True
@@ -200,7 +205,9 @@ def read_building(path: str | Path) -> Building:
     SettingError
         The content does not describe a building; the message names file and key.
     """
-    return _read(Path(path), (), BuildingTable(), {})
+    built = _read(Path(path), (), BuildingTable(), {})
+    with Place(origin=str(path)).prefix_errors():
+        return static_condensation(built).check()
 
 
 def _read(
@@ -208,7 +215,7 @@ def _read(
 ) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles.
 
-    The table `over` it states the units of matrices, before which its `arrays` go.
+    The table `over` it states the units of matrices, before which its `arrays` go; matrices are not judged here.
     """
     if real_path(path) in readers:
         raise InvalidSettingError((), f"{path} refers back to itself; name the file of another building")
@@ -216,7 +223,7 @@ def _read(
         with Place(origin=str(path)).prefix_errors():
             given, source = _choose_matrices(read_contents(path, _TITLES), path, arrays)
             table = BuildingTable(name=path.stem, source=source)
-            return _from_matrices({**_in_si(given, over), **arrays}, table).check()
+            return _from_matrices({**_in_si(given, over), **arrays}, table)
     if path.suffix.lower() != ".toml":
         raise RecordError(
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
@@ -264,14 +271,14 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             additions = read_each(Arguments.call, table.additions())
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        arrays = _arrays(table, folder)
         if form == "masses":
             built = _shear(table)
         elif form == "mass":
-            built = _from_matrices(_arrays(table, folder), table)
+            built = _from_matrices(arrays, table)
         elif form == "system":
             built = _from_system(table, folder)
         else:
-            arrays = _arrays(table, folder)
             in_si = isinstance(table.file, Building) or Path(table.file or "").suffix.lower() == ".toml"
             if table.units and in_si and not arrays:
                 raise InvalidSettingError(
@@ -285,7 +292,16 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                 else:
                     built = _read(folder / str(table.file), readers, table, arrays)
             built = _with_matrices(built, arrays)
-        built = _with_statements(built, table).check()
+        built = _with_statements(built, table)
+        if table.condense is not False:
+            built = static_condensation(built, shortest_period=np.inf if table.condense else 0.0)
+        if table.condense and not built.condensed:
+            raise InvalidSettingError(
+                "condense",
+                "condense is true, and floors, storeys, influence or dashpots name every coordinate; give floors, "
+                "storeys and influence of those that are displacements of floors, 0 of the others",
+            )
+        built.check()
         of_damping = (table.rayleigh, table.modal_damping)
         if table.element or any(addition not in of_damping for addition in table.additions()):
             with keyed(form):

@@ -81,6 +81,8 @@ class Building(Structure, Plotted, Summarised):
         Drift ratio that the building is to keep, as 0.01; 0 if none is stated. Pages draw it.
     isolators
         Names of storeys that are isolators, as those of height 0 are: strokes and no drifts, whatever carries them.
+    condensed, condensing
+        Numbers of the coordinates that `static_condensation` has condensed, and its remarks.
 
     Raises
     ------
@@ -180,9 +182,10 @@ class Building(Structure, Plotted, Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """`damping_remarks`, and what a colleague would ask about modes, coordinates, damping and strength."""
+        """Of condensed coordinates, `damping_remarks`, and questions on modes, coordinates, damping and strength."""
         asks = len(self.mass) <= MOST_QUESTIONED and self.total_mass > 0.0
-        return (*self.damping_remarks, *(asked_of(self, self._modal()) if asks else ()))
+        asked = asked_of(self, self._modal()) if asks else ()
+        return (*self.condensing, *self.damping_remarks, *asked)
 
     @property
     def poles(self) -> NDArray[np.complex128]:

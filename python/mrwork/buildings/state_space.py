@@ -1,17 +1,19 @@
-"""Buildings from state spaces `s' = A s + B u`, and reduced to modes."""
+"""Buildings from state spaces `s' = A s + B u`, and reduced: to modes, or by static condensation."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import checked
+from mrwork.base.arguments import May, NotNegative, checked
+from mrwork.base.numbers import counted
+from mrwork.base.remark import Measured, RemarkKind
 from mrwork.base.values import Floats
-from mrwork.buildings.modes import modes_of, spaces_of
+from mrwork.buildings.modes import is_positive, modes_of, spaces_of
 from mrwork.buildings.passive_element import transform_elements
 from mrwork.buildings.plane_building import Building, source_with
 from mrwork.buildings.structure import Status
@@ -19,6 +21,15 @@ from mrwork.errors import SettingError
 
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
 _ROUNDING: Final = 1e-8
+# Influences that are the same.
+_SAME_INFLUENCE: Final = 1e-6
+# How late a coordinate may follow the others statically, by dashpots [s].
+_LATE: Final = 1e-4
+_CONDENSED: Final = RemarkKind(
+    "coordinates_condensed",
+    "{0}: {1} condensed statically, which no floor, storey, device or influence names, with periods up to {period:.2g} "
+    "s; the largest change of a kept frequency is {percent:.2g} %",
+)
 # What a building takes for the array that it has by default.
 _DEFAULT: Final = np.empty(0)
 
@@ -170,3 +181,92 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
         source=source_with(building, f"reduced to {n_modes} modes"),
         status="ours",
     )
+
+
+@checked
+def static_condensation(
+    building: Building,
+    *,
+    shortest_period: Annotated[NotNegative, May.BE_INFINITE] = 0.0,
+    keep: Floats = _DEFAULT,
+) -> Building:
+    """Return the building without coordinates that nothing names, which follow the others statically.
+
+    Named are coordinates in a row of floors, storeys, passive elements or `keep`, shape (n_rows, n), and those with
+    mass that the influence moves. With the kept coordinates y, `q = T y` and `T = [I; -K_cc^-1 K_ck]`, the mass is
+    T' M T, and so are damping and stiffness (Guyan, AIAA J. 3, 1965, 380), which is exact of coordinates without mass.
+    By default these alone are condensed; else also those whose periods, where all others rest, or the times 2 pi m / c
+    in which their damping c stops their mass m, are below `shortest_period` [s]. Those on which a dashpot acts stay.
+    """
+    mass, stiffness, influence = building.mass, building.stiffness, building.influence
+    if keep.size and (keep.ndim != 2 or keep.shape[1] != len(mass)):
+        raise SettingError(f"`keep` has shape {keep.shape}, {building.name} takes (n_rows, {len(mass)})")
+    elements = [element.row for element in building.elements]
+    rows = np.vstack([building.floors, building.storeys, *elements, *keep])
+    free = ~rows.any(axis=0) & ~(mass.any(axis=0) & (influence != 0.0)) & (np.diag(stiffness) > 0.0)
+    out, period = _static_coordinates(building, free, shortest_period)
+    if not out.size:
+        return building
+    kept = np.delete(np.arange(len(mass)), out)
+    onto = np.eye(len(mass))[:, kept]
+    onto[out] = -np.linalg.solve(stiffness[np.ix_(out, out)], stiffness[np.ix_(out, kept)])
+    matrices = {name: onto.T @ getattr(building, name) @ onto for name in ("mass", "damping", "stiffness")}
+    change, given = 0.0, influence[kept]
+    condensed = replace(
+        building,
+        **matrices,
+        influence=given,
+        floors=building.floors[:, kept],
+        storeys=building.storeys[:, kept],
+        elements=transform_elements(building.elements, onto),
+    )
+    if mass[:, out].any():
+        reduced, whole = condensed.frequencies, building.frequencies[: len(kept)]
+        ratios = np.divide(reduced, whole, out=np.ones_like(whole), where=whole > 0.0)
+        change = float(np.abs(ratios - 1.0).max())
+        # The ground acts on what is condensed, too; where that is of no weight, the influence stays as it was given.
+        moved = np.linalg.solve(condensed.mass, onto.T @ mass @ (influence - onto @ given))
+        condensed = replace(
+            condensed, influence=given + np.where(np.abs(moved) > _SAME_INFLUENCE, moved, 0.0)
+        )
+    said = _CONDENSED.remark(
+        *(building.name, counted(len(out), "coordinate")),
+        measured=Measured(change, ""),
+        period=period,
+        percent=100.0 * change,
+    )
+    numbers = tuple(sorted([*building.condensed, *(building.kept[out] + 1).tolist()]))
+    return replace(condensed, condensed=numbers, condensing=(*building.condensing, said))
+
+
+def _static_coordinates(
+    building: Building, free: NDArray[np.bool_], shortest: float
+) -> tuple[NDArray[np.intp], float]:
+    """The coordinates of these that follow the others statically, and the longest of their periods [s]."""
+    mass, damping, stiffness = building.mass, building.damping, building.stiffness
+    held = np.where(free, np.diag(stiffness), 1.0)
+    # The slowest motion of several is slower than each alone.
+    own = _time(np.diag(mass) / held, np.diag(damping) / held)
+    out = np.flatnonzero(free & np.less_equal(own, shortest))
+    while out.size:
+        rest, inner = np.delete(np.arange(len(mass)), out), np.ix_(out, out)
+        held, across = stiffness[inner], np.ix_(out, rest)
+        if not rest.size or not is_positive(held):
+            break
+        statically = np.linalg.solve(held, stiffness[across])
+        late = np.abs(np.linalg.solve(held, damping[across] - damping[inner] @ statically)).max(axis=1)
+        squares, shapes = scipy.linalg.eigh(mass[inner], held)
+        times = _time(squares, np.einsum("im,im->m", shapes, damping[inner] @ shapes))
+        slow = np.flatnonzero(times > shortest)
+        energy = np.diag(mass)[out][:, None] * shapes[:, slow] ** 2
+        wrong = [*energy.argmax(axis=0).tolist(), *([int(late.argmax())] if late.max() > _LATE else [])]
+        if not wrong:
+            return out, float(2.0 * np.pi * np.sqrt(max(squares[-1], 0.0)))
+        out = np.delete(out, wrong)
+    return np.empty(0, dtype=np.intp), 0.0
+
+
+def _time(squares: Floats, relaxations: Floats) -> Floats:
+    """Periods [s] of m / k [s2], or the times 2 pi m / c, which are shorter where c / k [s] is large."""
+    squares = np.maximum(squares, 0.0)
+    return np.asarray(2.0 * np.pi * np.minimum(np.sqrt(squares), squares / np.maximum(relaxations, 1e-300)))

@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import NotNegative
+from mrwork.base.arguments import NotNegative, Whole
+from mrwork.base.remark import Remark
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.passive_element import PassiveElement
 
@@ -39,12 +40,20 @@ class Structure:
     loads: Floats = field(default_factory=lambda: np.empty(0))
     drift_limit: NotNegative = 0.0
     isolators: tuple[str, ...] = ()
+    condensed: tuple[Whole, ...] = ()
+    condensing: tuple[Remark, ...] = ()
     _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
 
     @property
     def n_coordinates(self) -> int:
         """Number n of coordinates: the size of mass, damping and stiffness."""
         return len(self.mass)
+
+    @property
+    def kept(self) -> NDArray[np.intp]:
+        """Index of each coordinate among those before some were condensed, shape (n,)."""
+        whole = np.arange(self.n_coordinates + len(self.condensed))
+        return np.delete(whole, np.array(self.condensed, dtype=np.intp) - 1)
 
     @property
     def chain(self) -> Floats:

@@ -49,7 +49,8 @@ def add_options(parser: CommandParser) -> None:
         "listings",
         "--size",
         "find the least dampers that keep the limit of the study, report.limit or drift_limit of its building: with "
-        "count as many in each [[damper]], with storey a count of each; print them and exit",
+        "count as many in each [[damper]], or of the viscous or tuned_mass of a [[baseline]], with storey a count of "
+        "each; print them and exit",
         choices=("count", "storey"),
     )
     says = "with --size, draw the criterion over the number of dampers, as an .svg or a .png file"

@@ -163,23 +163,25 @@ class Criterion:
 
     def value(self, responses: object, scales: Scales) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes."""
+        return np.asarray(np.max(self.of_places(responses, scales), axis=-1, initial=0.0))
+
+    def of_places(self, responses: object, scales: Scales) -> Floats:
+        """The numbers of each run whose largest is the value, along a last axis, as of floors or storeys."""
         values = np.abs(getattr(responses, self.quantity))
         if self.scale not in ("", "weight"):
             shears = np.asarray(getattr(responses, "peak_storey_shear", np.nan))
             values = scales.divide(values, self.scale, shears)
-        if self.of_roof:
-            return np.asarray(values[..., -1])
         axis = quantity_named(self.quantity).axis
         if axis == "device":
             # What a run does not have, NaN, counts as nothing: without devices the largest force is zero.
             values = np.where(np.isnan(values), 0.0, values)
         if axis == "run":
-            per_run = values
+            values = values[..., None]
+        elif self.of_roof:
+            values = values[..., -1:]
         elif self.summed:
-            per_run = np.sum(values, axis=-1)
-        else:
-            per_run = np.max(values, axis=-1, initial=0.0)
-        return np.asarray(per_run / scales.weight if self.scale == "weight" else per_run)
+            values = np.sum(values, axis=-1, keepdims=True)
+        return np.asarray(values / np.expand_dims(scales.weight, -1) if self.scale == "weight" else values)
 
 
 def criteria() -> tuple[Criterion, ...]:

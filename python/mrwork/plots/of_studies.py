@@ -449,15 +449,10 @@ def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool 
     >>> axes = found.plot.damper_counts()  # doctest: +SKIP
     """
     axes, unit = axes_for(ax), _unit_of_limit(result)
-    every = sorted((count, trial.values) for trial in result.tried if (count := trial.uniform) is not None)
-    for number, (row, stroke) in enumerate(zip(result.rows, strokes(result), strict=True), start=1):
-        axes.plot(
-            [count for count, _ in every],
-            [unit.factor * values[number] for _, values in every],
-            markersize=3.6,
-            label=row.label,
-            **stroke.marked,
-        )
+    for row, stroke in zip(result.rows, strokes(result), strict=True):
+        every = [(count, tried.value) for tried in row.tried if (count := tried.uniform) is not None]
+        across, up = np.array(every).T
+        axes.plot(across, unit.factor * up, markersize=3.6, label=row.label, **stroke.marked)
     axes.axhline(
         unit.factor * result.limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit"
     )

@@ -16,6 +16,7 @@ from mrwork.base.keys import as_document, check_known, keys_of, refuse_missing, 
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
+from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_forces, sends_shares
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
@@ -27,6 +28,7 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
 from mrwork.store.user_python import run_file, text_to_compare
+from mrwork.study.dampers import condensed_for
 from mrwork.study.row_kinds import Kind
 from mrwork.study.schema import (
     CONSTANT_LAWS,
@@ -205,10 +207,15 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
         raise InvalidSettingError(key, lacking)
 
 
+def baseline_building(changes: BuildingTable, table: StudyTable, folder: Path) -> Building:
+    """The building of a study with the keys that a baseline replaces or adds."""
+    return condensed_for(table.building.override_with(changes).build(folder), table)
+
+
 def _baseline(baseline: BaselineTable, table: StudyTable, without: Arrangement, folder: Path) -> Arrangement:
     bare = without.bare
     with keyed("building"):
-        changed = table.building.override_with(baseline.building).build(folder)
+        changed = baseline_building(baseline.building, table, folder)
         names = {*changed.floor_names, *changed.storey_names}
         missing = [name for name in (*bare.floor_names, *bare.storey_names) if name not in names]
         if missing:

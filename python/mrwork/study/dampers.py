@@ -22,12 +22,13 @@ from mrwork.buildings import Building
 from mrwork.buildings.device import Device, ideal_actuator
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
+from mrwork.buildings.state_space import static_condensation
 from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.study.schema import DamperTable
+from mrwork.study.schema import DamperTable, StudyTable
 
 Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
@@ -210,6 +211,34 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
     return tuple(sets)
 
 
+# Period over the step, below which a coordinate is far stiffer; those of periods below the step go along with it.
+_FAR_STIFFER = 0.1
+
+
+def condensed_for(building: Building, table: StudyTable) -> Building:
+    """A building of a study without coordinates that are far stiffer than its step, if no damper names them."""
+    if table.building.condense is False:
+        return building
+    rows = (_of_building(building, damper.row) for damper in table.damper if damper.row is not None)
+    keep = np.array([row for row in rows if row.size == building.n_coordinates])
+    step = table.hardware.sample_time / table.hardware.steps
+    few = static_condensation(building, shortest_period=_FAR_STIFFER * step, keep=keep)
+    return few if few is building else static_condensation(building, shortest_period=step, keep=keep)
+
+
+def _of_building(building: Building, row: Sequence[float]) -> Floats:
+    """A row over the coordinates of a building, of which the row may also have those that were condensed."""
+    whole, kept = np.array(row), building.kept
+    if whole.size != len(kept) + len(building.condensed):
+        return whole
+    if np.delete(whole, kept).any():
+        sentence = (
+            f"row moves a coordinate of {building.name} that has no mass and is condensed; give it a mass"
+        )
+        raise InvalidSettingError("row", sentence)
+    return whole[kept]
+
+
 def equip_building(
     bare: Building, tables: Sequence[DamperTable], chosen: Sequence[Device]
 ) -> tuple[Building, tuple[Device, ...]]:
@@ -249,10 +278,11 @@ def _row_of(bare: Building, table: DamperTable, number: int) -> Floats:
             row = bare.storey_row(table.storey)
         if table.row is None:
             return cos(table.angle or 0.0) * row
-        if len(table.row) != bare.n_coordinates or not any(table.row):
+        row = _of_building(bare, table.row)
+        if row.size != bare.n_coordinates or not row.any():
             raise InvalidSettingError(
                 "row",
                 f"row has {counted(len(table.row), 'number')} for {counted(bare.n_coordinates, 'coordinate')} of "
                 f"{bare.name}; give one for each, not all 0",
             )
-    return np.array(table.row)
+    return row

@@ -38,7 +38,7 @@ from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines
 from mrwork.study.arrangements import arrangements, resolve_settings, settings_of_law
-from mrwork.study.dampers import Identified, chosen_damper, equip_building, other_sets
+from mrwork.study.dampers import Identified, chosen_damper, condensed_for, equip_building, other_sets
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
 from mrwork.study.realisations import realisations_of
@@ -177,8 +177,8 @@ def with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
 
 def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
     """The study of a table and of what it names: how that goes together, then its laws."""
-    bare, hardware = inputs.bare, replace(table.hardware, seed=inputs.seed)
-    assert bare is not None
+    assert inputs.bare is not None
+    bare, hardware = condensed_for(inputs.bare, table), replace(table.hardware, seed=inputs.seed)
     first = float(bare.periods[0])
     period = None if table.target is None else table.target.given.get("period")
     aims = Aims(first_period=first, target=inputs.target, target_period=period or first)

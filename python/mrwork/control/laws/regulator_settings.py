@@ -63,10 +63,16 @@ class RegulatorSettings(CostWeights):
         m, n = problem.plant.n_devices, problem.plant.n_coordinates
         if {len(row) for row in self.gain} != {2 * n} or len(self.gain) != m:
             columns = " and ".join(map(str, sorted({len(row) for row in self.gain})))
+            out = ", ".join(map(str, problem.building.condensed))
             raise InvalidSettingError(
                 "gain",
                 f"gain is {len(self.gain)} x {columns}, and the law takes {m} x {2 * n}: a row for each device, and "
-                f"{n} columns of displacements [N/m], then {n} of velocities [N s/m] of the coordinates",
+                f"{n} columns of displacements [N/m], then {n} of velocities [N s/m] of the coordinates"
+                + (
+                    f", of which {out} are condensed; condense = false in [building] keeps them"
+                    if out
+                    else ""
+                ),
             )
         return np.array(self.gain)
 
