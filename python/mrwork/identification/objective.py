@@ -393,7 +393,6 @@ class NormalEquations:
         """
         objective.tally.simulations += len(theta)
         n_free = len(box.free)
-        by_free = np.eye(n_free) if varied is None else np.diag(varied.astype(np.float64))
         is_held = [test.held_command is not None for test in objective.compared]
         at_commands = _AtCommands.of(objective, box, theta) if any(is_held) else None
         squared = np.full(included.shape, np.inf)
@@ -404,12 +403,14 @@ class NormalEquations:
             rows = np.flatnonzero(included[:, index])
             test, candidates = objective.compared[index], theta
             columns: Sequence[int] = box.free
-            slopes = np.broadcast_to(by_free, (len(theta), n_free, n_free))
+            slopes: Floats | None = None
             if at_commands is not None and is_held[index]:
                 test, candidates, columns, slopes = at_commands.of_test(test)
-                slopes = slopes @ by_free
-            has_slope = slopes.any(axis=(0, 2))
-            columns, slopes = np.array(columns)[has_slope].tolist(), slopes[:, has_slope]
+            if varied is not None:
+                slopes = np.tile(np.eye(n_free), (len(theta), 1, 1)) if slopes is None else slopes
+                slopes = np.where(varied, slopes, 0.0)
+                has_slope = slopes.any(axis=(0, 2))
+                columns, slopes = np.array(columns)[has_slope].tolist(), slopes[:, has_slope]
             at_once = max(1, _BLOCK_SIZE // (test.measured.size * max(len(columns), 1)))
             scale = 1.0 / test.deviation / np.sqrt(test.measured.size)
             for some in (rows[first : first + at_once] for first in range(0, rows.size, at_once)):
@@ -423,9 +424,11 @@ class NormalEquations:
                     squares = np.einsum("bt,bt->b", residuals, residuals)
                     pull = np.einsum("bpt,bt->bp", jacobian, residuals)
                     square = jacobian @ jacobian.transpose(0, 2, 1)
-                    own = slopes[some]
-                    gradient[some, index] = np.einsum("bp,bpq->bq", pull, own)
-                    matrix[some, index] = own.transpose(0, 2, 1) @ square @ own
+                    if slopes is not None:
+                        own = slopes[some]
+                        pull = np.einsum("bp,bpq->bq", pull, own)
+                        square = own.transpose(0, 2, 1) @ square @ own
+                    gradient[some, index], matrix[some, index] = pull, square
                 squared[some, index] = np.where(failed, np.inf, squares)
             return test.steps(candidates[rows])
 

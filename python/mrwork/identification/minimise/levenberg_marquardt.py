@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import Count
+from mrwork.base.arguments import Count, unchecked
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.minimise.stiffness import is_at_stiffness_limit, within_stiffness
@@ -36,6 +36,8 @@ _FIRST_DAMPING = 0.1
 _MOST_DAMPING = 1e8
 # Iterations over which the pace of a start is taken.
 _PACED = 5
+
+_misfit = unchecked(Objective.__call__)
 
 OnStep = Callable[[int, float], None]
 """Called with the steps so far and the misfit."""
@@ -179,7 +181,7 @@ class _State:
 
 def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | None, damping: float) -> _State:
     theta = np.clip(starts, box.lower, box.upper)
-    misfit = objective(theta, shares)
+    misfit = _misfit(objective, theta, shares)
     n_starts, n_free = len(theta), len(box.free)
     return _State(
         theta=theta,
@@ -242,7 +244,7 @@ def _iterate_once(
     tried = coordinates.after(theta[active], still[active], step)
     n_tried = len(_DAMPING_FACTORS)
     tried_shares = None if shares is None else np.repeat(shares[active], n_tried, axis=0)
-    after = objective(tried.reshape(-1, theta.shape[1]), tried_shares).reshape(-1, n_tried)
+    after = _misfit(objective, tried.reshape(-1, theta.shape[1]), tried_shares).reshape(-1, n_tried)
     best = np.argmin(after, axis=1)
     rows = np.arange(active.size)
     better = after[rows, best] < before

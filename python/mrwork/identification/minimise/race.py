@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from statistics import median
 
 import numpy as np
 
@@ -427,7 +428,7 @@ class _Course:
         leader = self.leader
         self.evaluations.append(self.objective.tally.simulations)
         self.best.append(min([*self.best[-1:], best.misfit]))
-        self.median.append(float(np.median(finite)))
+        self.median.append(median(finite.tolist()))
         share = min((self.round + 0.5) / self.settings.most_rounds, 1.0)
         self.on_search(Found(best=lambda: leader, trace=self._trace(""), share=share, route=route))
 
