@@ -342,6 +342,16 @@ def test_a_sparse_logical_matrix_has_bytes_whatever_type_they_claim(tmp_path: Pa
     np.testing.assert_array_equal(read_matrices(path)["S"], FULL != 0.0)
 
 
+def test_a_sparse_matrix_with_room_for_more_has_the_numbers_that_it_has(tmp_path: Path) -> None:
+    # As MATLAB's spalloc leaves it: eight row indices, and the eight bytes of one number.
+    path = tmp_path / "frame.mat"
+    savemat(path, {"K": FULL})
+    head = element(6, struct.pack("<2I", 5, 8)) + element(5, struct.pack("<2i", 2, 3))
+    places = element(5, struct.pack("<8i", *[0] * 8)) + element(5, struct.pack("<4i", 0, 1, 1, 1))
+    append(path, element(14, head + element(1, b"S") + places + element(9, struct.pack("<d", 2.5))))
+    np.testing.assert_array_equal(read_matrices(path)["S"], [[2.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+
 def test_structs_objects_and_sparse_matrices_of_version_73_are_told(tmp_path: Path) -> None:
     path = tmp_path / "frame.mat"
     sparse = csc_matrix(FULL)

@@ -59,6 +59,7 @@ _V5_ITEMS: Final[Mapping[int, str]] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
 _COMPLEX_FLAG: Final = 0x0800
+_LOGICAL_FLAG: Final = 0x0200
 _COMPLEX: Final = "complex numbers"
 # Bytes of an entry of `Variables`, beside its numbers.
 _ENTRY: Final = 300
@@ -293,7 +294,7 @@ class _Version5:
         elif flags & _COMPLEX_FLAG:
             yield name, _COMPLEX
         elif matrix_class == _SPARSE and len(shape) == 2:
-            yield name, self._sparse(elements, shape, name)
+            yield name, self._sparse(elements, shape, name, is_logical=bool(flags & _LOGICAL_FLAG))
         elif matrix_class in _NUMERIC_CLASSES:
             yield name, self._items(elements, shape)
         else:
@@ -304,15 +305,16 @@ class _Version5:
         kind, items = next(elements)
         return _array(items, self.order + _V5_ITEMS[kind], shape)
 
-    def _sparse(self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...], name: str) -> Floats:
+    def _sparse(
+        self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...], name: str, *, is_logical: bool
+    ) -> Floats:
         """Dense matrix from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows`."""
         rows, starts = self._integers(next(elements)[1]), self._integers(next(elements)[1])
         kind, block = next(elements)
         n_items = int(starts[-1] - starts[0])
         # MATLAB calls the bytes of a logical matrix doubles.
-        items = _array(
-            block, "u1" if len(block) in (n_items, rows.size) else self.order + _V5_ITEMS[kind], (-1,)
-        )
+        is_bytes = is_logical and len(block) in (n_items, rows.size)
+        items = _array(block, "u1" if is_bytes else self.order + _V5_ITEMS[kind], (-1,))
         columns = np.repeat(np.arange(starts.size - 1), np.diff(starts))
         return _dense(items[:n_items], rows[:n_items], columns, shape, name, self.allowance)
 
