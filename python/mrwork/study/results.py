@@ -152,11 +152,16 @@ class BuildingFacts:
     passive_storeys: tuple[int, ...] = ()
     total_mass: float = 0.0
 
+    def __post_init__(self) -> None:
+        # Of a run folder without it.
+        if not self.total_mass:
+            object.__setattr__(self, "total_mass", sum(self.masses))
+
     @property
     def scales(self) -> Scales:
         """What criteria are divided by."""
         arrays = named(self, "heights", "yield_drifts", "loads").items()
-        weight = (self.total_mass or sum(self.masses)) * STANDARD_GRAVITY
+        weight = self.total_mass * STANDARD_GRAVITY
         return Scales(weight=weight, **{name: np.array(array) for name, array in arrays})
 
     @property

@@ -91,7 +91,7 @@ def _subject(results: StudyResults) -> str:
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
     damping = f", damping {', '.join(ratios)} %" if ratios else ""
-    mass = significant(1e-3 * (facts.total_mass or sum(facts.masses)), 3)
+    mass = significant(1e-3 * facts.total_mass, 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
     drifts = [1e3 * drift for drift in facts.yield_drifts if drift]
     yields = f", yields at {least_to_most(drifts)} mm of drift" if drifts else ""
