@@ -117,6 +117,7 @@ def find_minima(
     held: NDArray[np.bool_] | None = None,
     damping: float = _FIRST_DAMPING,
     hopeless: Hopeless | None = None,
+    known: Floats | None = None,
     on_iteration: Callable[[LocalMinima], None] | None = None,
 ) -> LocalMinima:
     """Minimise the misfit from each start, shape (n_starts, n_params), inside `box`, in one Levenberg-Marquardt batch.
@@ -127,10 +128,10 @@ def find_minima(
     `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `shares`: those
     of the tests in the squared misfit of each start, shape (n_starts, n_tests), 0 for one that is left out; by default
     the shares of the objective. `held`: free parameters that each start keeps, shape (n_starts, n_free). `damping`: the
-    first one, small near a minimum. `hopeless`: rule by which starts are given up. `on_iteration`: called after each
-    iteration with the present points.
+    first one, small near a minimum. `hopeless`: rule by which starts are given up. `known`: misfits of the starts,
+    (n_starts,), NaN where they are not known. `on_iteration`: called after each iteration with the present points.
     """
-    state = _initial(objective, box, starts, shares, damping)
+    state = _initial(objective, box, starts, shares, damping, known)
     held = np.zeros(state.still.shape, dtype=np.bool_) if held is None else held
     iterations = 0
     courses, coordinates = [state.misfit], Straight(objective.spec, box)
@@ -179,9 +180,19 @@ class _State:
     running: NDArray[np.bool_]
 
 
-def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | None, damping: float) -> _State:
+def _initial(
+    objective: Objective,
+    box: Box,
+    starts: Floats,
+    shares: Floats | None,
+    damping: float,
+    known: Floats | None,
+) -> _State:
     theta = np.clip(starts, box.lower, box.upper)
-    misfit = _misfit(objective, theta, shares)
+    misfit = np.full(len(theta), np.nan) if known is None else known.copy()
+    unknown = np.isnan(misfit) | np.any(theta != starts, axis=1)
+    if unknown.any():
+        misfit[unknown] = _misfit(objective, theta[unknown], None if shares is None else shares[unknown])
     n_starts, n_free = len(theta), len(box.free)
     return _State(
         theta=theta,

@@ -259,7 +259,7 @@ class _Course:
     """A race that runs: minima so far with the routes that have met each, and the trace of their misfits.
 
     `low` is the objective below the limit of stiffness, where minimisations start; `began` the steps before the race.
-    `stiff` are starts above the limit by route, `left` the unit coordinates of points that have gone on beyond it, and
+    `stiff` are starts above the limit by route, with their misfits where known, `left` the unit coordinates of points that have gone on beyond it, and
     `beyond` where each has led, with its misfit and the routes that have met it. `leader` is the best point of the
     trace.
     """
@@ -273,7 +273,7 @@ class _Course:
     began: int
     misfit: Floats = field(default_factory=lambda: np.empty(0))
     routes: list[str] = field(default_factory=list)
-    stiff: list[tuple[str, Floats]] = field(default_factory=list)
+    stiff: list[tuple[str, Floats, Floats]] = field(default_factory=list)
     left: Floats = field(init=False)
     beyond: list[tuple[Floats, float, set[str]]] = field(default_factory=list)
     leader: Floats | None = None
@@ -314,7 +314,8 @@ class _Course:
         for route, theta in drawn.items():
             theta = np.asarray(self.box.inside(theta)) if len(theta) else theta
             stiff = log_stiffness(self.low.compared, theta).max(axis=1, initial=-math.inf) > 0.0
-            self.stiff.append((route, theta[stiff][:_MOST_STIFF]))
+            above = theta[stiff][:_MOST_STIFF]
+            self.stiff.append((route, above, np.full(len(above), np.nan)))
             starts = np.concatenate([starts, theta[~stiff]])
             routes += [route] * int(np.count_nonzero(~stiff))
         if not routes:
@@ -323,7 +324,8 @@ class _Course:
         first = self._minimise(self.low, starts, label, _FIRST_ITERATIONS)
         taken = [row for route in dict.fromkeys(routes) for row in self._to_go_on(first, routes, route)]
         if taken:
-            last = self._minimise(self.low, first.theta[taken], label, self.settings.most_iterations)
+            starts, known = first.theta[taken], first.misfit[taken]
+            last = self._minimise(self.low, starts, label, self.settings.most_iterations, known)
             self._keep(last.theta, last.misfit, [routes[row] for row in taken])
 
     def _to_go_on(self, first: LocalMinima, routes: Sequence[str], route: str) -> list[int]:
@@ -350,7 +352,8 @@ class _Course:
         stiffness = log_stiffness(self.low.compared, drawn).max(axis=1)
         stiff = drawn[(stiffness > 0.0) & (stiffness < _STIFFEST_PAST)]
         theta, misfit = best_first(*with_best_forces(self.objective, self.box, stiff))
-        self.stiff.append((_PAST, theta[np.isfinite(misfit)][:_MOST_STIFF]))
+        best = np.flatnonzero(np.isfinite(misfit))[:_MOST_STIFF]
+        self.stiff.append((_PAST, theta[best], misfit[best]))
         theta, misfit = with_best_forces(self.low, self.box, drawn[stiffness <= 0.0])
         return {_PAST: theta[np.isfinite(misfit)]}
 
@@ -362,8 +365,9 @@ class _Course:
         at_limit = is_at_stiffness_limit(self.low.compared, self.theta)
         rows = np.flatnonzero(at_limit & (self.misfit <= _PROMISING * self.least))
         rows = rows[np.argsort(self.misfit[rows], kind="stable")]
-        starts = np.concatenate([self.theta[rows], *(theta for _, theta in self.stiff)])
-        routes = [self.routes[row] for row in rows] + [route for route, theta in self.stiff for _ in theta]
+        starts = np.concatenate([self.theta[rows], *(theta for _, theta, _ in self.stiff)])
+        known = np.concatenate([self.misfit[rows], *(misfit for _, _, misfit in self.stiff)])
+        routes = [self.routes[row] for row in rows] + [route for route, theta, _ in self.stiff for _ in theta]
         self.stiff = []
         if not routes:
             return
@@ -376,6 +380,7 @@ class _Course:
                 self.objective,
                 self.box,
                 starts[new],
+                known=known[new],
                 max_iterations=_BEYOND_ITERATIONS,
                 tolerance=_BEYOND_TOLERANCE,
                 hopeless=replace(_BEHIND, after=5, factor=1.5, earlier=(self.least, self.least)),
@@ -401,11 +406,14 @@ class _Course:
                 ended = self._minimise(self.low, below, "", self.settings.most_iterations)
                 self._keep(ended.theta, ended.misfit, [""])
 
-    def _minimise(self, objective: Objective, starts: Floats, route: str, iterations: int) -> LocalMinima:
+    def _minimise(
+        self, objective: Objective, starts: Floats, route: str, iterations: int, known: Floats | None = None
+    ) -> LocalMinima:
         return find_minima(
             objective,
             self.box,
             starts,
+            known=known,
             max_iterations=iterations,
             tolerance=_TOLERANCE,
             hopeless=replace(_BEHIND, earlier=(self.least,) if self.misfit.size else ()),
