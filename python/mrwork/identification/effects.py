@@ -149,7 +149,7 @@ def _fit_with(
     for number, effects in enumerate(sets):
         kept = np.concatenate([np.ones(theta.size, dtype=np.bool_), free[number]])
         varied = kept[list(joint_form.box.free)]
-        with_own, form_of_own = with_free(objective, form, effects)
+        with_own, form_of_own = with_free(joint, form, effects)
         fits.append(
             Slopes(
                 objective=with_own,

@@ -174,7 +174,7 @@ class Objective(Summarised):
         """
         n_tests = len(self.compared)
         if shares is None:
-            shares = np.tile(self.shares, (len(theta), 1))
+            shares = np.repeat(self.shares[None], len(theta), axis=0)
         elif shares.shape[1] != n_tests:
             raise SettingError(
                 f"`shares` have {shares.shape[1]} columns; give one for each of {n_tests} tests"

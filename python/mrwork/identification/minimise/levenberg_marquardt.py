@@ -154,7 +154,8 @@ def find_minima(
         courses.append(state.misfit)
         if hopeless is not None:
             given_up = hopeless.of(courses, state.arrived, max_iterations - iterations)
-            state = replace(state, running=state.running & ~given_up)
+            if given_up.any():
+                state = replace(state, running=state.running & ~given_up)
         if on_iteration is not None:
             on_iteration(_minima(state, iterations))
     return _minima(state, iterations)
@@ -229,7 +230,7 @@ def _iterate_once(
         new.arrived,
         new.running,
     )
-    own_shares = np.tile(objective.shares, (len(theta), 1)) if shares is None else shares
+    own_shares = np.repeat(objective.shares[None], len(theta), axis=0) if shares is None else shares
     fresh = np.flatnonzero(running & moved)
     equations = NormalEquations.at(objective, coordinates.box, theta[fresh], own_shares[fresh] > 0.0)
     by_theta, _ = equations.joint(own_shares[fresh])
@@ -250,9 +251,8 @@ def _iterate_once(
         scale[:, None, :, None] * np.eye(gradient.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
-    step = within_stiffness(objective.compared, coordinates, theta[active], step, damped, still[active])
+    tried = within_stiffness(objective.compared, coordinates, theta[active], step, damped, still[active])
     before = misfit[active]
-    tried = coordinates.after(theta[active], still[active], step)
     n_tried = len(_DAMPING_FACTORS)
     tried_shares = None if shares is None else np.repeat(shares[active], n_tried, axis=0)
     after = _misfit(objective, tried.reshape(-1, theta.shape[1]), tried_shares).reshape(-1, n_tried)

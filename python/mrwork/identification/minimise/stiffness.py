@@ -38,16 +38,17 @@ def within_stiffness(
     damped: Floats,
     still: NDArray[np.bool_],
 ) -> Floats:
-    """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
+    """Where damped least-squares steps end, those above the limit of stiffness replaced by the best ones below it.
 
     `step`, shape (n_rows, n_dampings, n_free), from `theta`, (n_rows, n_params), minimises quadratic functions with the
-    matrices `damped`, (n_rows, n_dampings, n_free, n_free); what is `still` has no step.
+    matrices `damped`, (n_rows, n_dampings, n_free, n_free); what is `still` has no step. The ends have the shape
+    (n_rows, n_dampings, n_params).
     """
     ends = coordinates.after(theta, still, step)
     stiffness = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
     beyond = np.any(stiffness > 0.0, axis=2)
     if not beyond.any():
-        return step
+        return ends
     step = step.copy()
     rows = np.flatnonzero(beyond.any(axis=1))
     values, slopes = stiffness_and_slope(tests, coordinates.box, theta[rows])
@@ -58,7 +59,7 @@ def within_stiffness(
     for index, row in enumerate(rows):
         for factor in np.flatnonzero(beyond[row]):
             step[row, factor] = _within(step[row, factor], towards[index, factor], slopes[index], room[index])
-    return step
+    return coordinates.after(theta, still, step)
 
 
 def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floats) -> Floats:
@@ -129,9 +130,11 @@ def _within(free: Floats, towards: Floats, slope: Floats, room: Floats) -> Float
             break
         met.append(worst)
         while True:
-            force = np.linalg.lstsq(slope[met] @ towards[:, met], slope[met] @ free - room[met], rcond=1e-10)[
-                0
-            ]
+            matrix, excess = slope[met] @ towards[:, met], slope[met] @ free - room[met]
+            if len(met) == 1:
+                force = np.divide(excess, matrix[0], out=np.zeros(1), where=matrix[0] != 0.0)
+            else:
+                force = np.linalg.lstsq(matrix, excess, rcond=1e-10)[0]
             if (force >= 0.0).all():
                 break
             met.pop(int(np.argmin(force)))
