@@ -110,11 +110,7 @@ impl<M: DamperModel, R: Lanes + Bits> ForceSink<M, R, Steady<M::Parameters<R>>>
         state: M::State<R>,
         motion: Motion<R>,
     ) {
-        M::force(&driver.parameters, state, motion).for_each(|lane, value| {
-            if let Some(LaneRows { force: Some(row), .. }) = self.rows.get_mut(lane) {
-                row[sample] = value;
-            }
-        });
+        write_force(self.rows, sample, M::force(&driver.parameters, state, motion));
         let state = M::State::<Numbers<R>>::from_fn(|place| {
             let mut entry = Dual::splat(0.0);
             state.for_each(|index, value| {
@@ -137,6 +133,16 @@ impl<M: DamperModel, R: Lanes + Bits> ForceSink<M, R, Steady<M::Parameters<R>>>
     fn is_settled(&self) -> bool {
         false
     }
+}
+
+/// Writes the force of the lanes that have a row for it.
+#[inline(always)]
+fn write_force<R: Lanes>(rows: &mut [LaneRows<'_>], sample: usize, force: R) {
+    force.for_each(|lane, value| {
+        if let Some(LaneRows { force: Some(row), .. }) = rows.get_mut(lane) {
+            row[sample] = value;
+        }
+    });
 }
 
 /// Writes the derivatives of a part of the inputs that enter the force only.
@@ -247,11 +253,7 @@ impl<M: DamperModel, R: Lanes + Bits> ForceSink<M, Numbers<R>, Either<'_, M, Num
     ) {
         let rows = &mut *self.rows;
         let force = M::force(driver.parameters(), state, motion);
-        force.value.for_each(|lane, value| {
-            if let Some(LaneRows { force: Some(row), .. }) = rows.get_mut(lane) {
-                row[sample] = value;
-            }
-        });
+        write_force(rows, sample, force.value);
         for (k, tangent) in force.tangents.into_iter().enumerate() {
             tangent.for_each(|lane, value| {
                 if let Some(row) = rows.get_mut(lane).and_then(|rows| rows.states[k].as_deref_mut()) {
