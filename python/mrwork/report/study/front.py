@@ -90,7 +90,8 @@ def _subject(results: StudyResults) -> str:
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
-    damping = f", damping {', '.join(ratios)} %" if ratios else ""
+    same = len({*ratios}) == 1
+    damping = f", damping {', '.join(ratios[:1] if same else ratios)} %" if ratios else ""
     mass = significant(1e-3 * facts.total_mass, 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
     drifts = [1e3 * drift for drift in facts.yield_drifts if drift]
