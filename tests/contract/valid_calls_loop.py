@@ -144,8 +144,6 @@ def loop_calls(_: Path) -> Calls:
     device = named(loop[0], "name", "spec", "theta", "row", "largest_command", "count")
     yield call(mr.Device, **device, differential=True, lag=190.0)
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
-    demand = {"stroke": 0.01, "velocity": 0.1, "force": 1e3, "energy": 1.0, "seconds": 3.0}
-    yield call(loop[0].demand, **demand, peak_command=1.0, mean_command=0.5)
     hardware = {
         **{"sample_time": 1e-3, "step": 5e-4, "delay": 1e-3, "command_rate": 100.0, "feedback": "observer"},
         **{"measured_floors": (0, 4), "noise_ratio": 50.0, "acceleration_noise": 0.01, "seed": 3},

@@ -270,7 +270,8 @@ def simulate_loop(
     # A design has looked at its own gain.
     if SETTINGS[law.name].is_regulator and law.margins is None and len(gains) == 1:
         plant = plant_of(building, elongation_rows(building, driven))
-        law_remarks = tuple(gain_remarks(plant, np.reshape(law.gains["gain"], (len(driven), n_states))))
+        gain = np.reshape(law.gains["gain"], (len(driven), n_states))
+        law_remarks = tuple(gain_remarks(plant, gain, sample_time=hardware.sample_time))
     core, workers = loop.core(), present_workers()
     if workers is None or histories or user is not None or changes is not None:
         simulate = core.simulator(runs, histories=histories, threads=threads, changes=changes)
