@@ -143,11 +143,6 @@ class Device(Summarised):
         """Parameters of each draw, shape (n_draws, n_params); one draw where `theta` is one set."""
         return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))
 
-    @property
-    def knows_least_stroke(self) -> bool:
-        """Whether the demand can be below the tested strokes, which only the history of a run shows."""
-        return self.tested is not None and self.tested.least_stroke is not None
-
     @checked
     def outside(self, demand: OperatingRange) -> Outside:
         """Quantities of a demand outside the tested ranges and ratings; laws are at the median of the draws."""

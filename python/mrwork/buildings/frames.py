@@ -318,21 +318,21 @@ def with_coordinate(
     mass: float,
     damping: float,
     stiffness: float,
-    across: Floats,
-    follows_ground: float,
     stroke: Floats,
     stroke_name: str,
-    label: str,
     added: str,
+    label: str = "",
+    across: Floats | None = None,
+    follows_ground: float = 0.0,
 ) -> Building:
     """Return the building with one more coordinate, a mass on a spring and a dashpot, that is not a floor.
 
-    Spring and dashpot elongate by across @ q, shape (n + 1,). `follows_ground` is 1 for a displacement relative to the
-    ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the storeys. The name of the building
-    has the `label` of what is `added`, which its source describes.
+    Spring and dashpot elongate by across @ q, shape (n + 1,), by default the stroke. `follows_ground` is 1 for a
+    displacement relative to the ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the
+    storeys. The name of the building has the `label` of what is `added`, by default the name of the stroke.
     """
     n = building.n_coordinates
-    spring = np.outer(across, across)
+    spring = np.outer(stroke, stroke) if across is None else np.outer(across, across)
     grown = replace(
         building,
         mass=scipy.linalg.block_diag(building.mass, np.array([[mass]])),
@@ -349,7 +349,7 @@ def with_coordinate(
         elements=transform_elements(building.elements, np.eye(n, n + 1)),
     )
     source = source_with(building, f"{added} added")
-    return replace(grown, name=f"{building.name}, {label}", source=source)
+    return replace(grown, name=f"{building.name}, {label or stroke_name}", source=source)
 
 
 @checked
@@ -401,7 +401,6 @@ def brace_across(
         damping=damping,
         stiffness=stiffness,
         across=end,
-        follows_ground=0.0,
         stroke=np.append(row, -1.0),
         stroke_name=name,
         label=f"brace in {where}",
