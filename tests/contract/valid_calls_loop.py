@@ -36,7 +36,6 @@ def buildings_calls(_: Path) -> Calls:
     yield call(of.pushover, building=tall, pattern="uniform", roof=0.1, steps=10)
     yield call(frame.storey_row, storey=1)
     yield call(of.ideal_actuator, name="x", row=frame.storeys[0], largest_force=1e3)
-    yield call(of.chain, storeys=frame.storeys, values=[1.0, 2.0, 3.0, 4.0, 5.0])
     shear = {"masses": [1.0, 2.0], "stiffnesses": [100.0, 200.0], "storey_damping": [1.0, 1.0]}
     shear |= {"floor_names": ["a", "b"], "storey_names": ["c", "d"]}
     yield call(of.shear_building, name="x", **shear, source="s", status="ours")

@@ -77,38 +77,23 @@ def shear_building(
                 f"building {name}: {len(values)} {title} for {n} masses; give one for each storey"
             )
     storeys = np.eye(n) - np.eye(n, k=-1)
+
+    def chain(values: Sequence[float]) -> Floats:
+        # What overflows is refused by `Building`.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
+
     return Building(
         name=name,
         mass=np.diag(np.asarray(masses, dtype=np.float64)),
-        damping=chain(storeys, damping),
-        stiffness=chain(storeys, stiffnesses),
+        damping=chain(damping),
+        stiffness=chain(stiffnesses),
         floor_names=tuple(floor_names),
         storey_names=tuple(storey_names),
         source=source,
         status=status,
         heights=np.array(heights, dtype=np.float64),
     )
-
-
-@checked
-def chain(storeys: Floats, values: Sequence[float]) -> Floats:
-    """Matrix of springs or dashpots across storeys: the sum of value e'e, shape (n, n).
-
-    Parameters
-    ----------
-    storeys
-        Row e of each storey, shape (n_storeys, n).
-    values
-        Stiffness or damping of each storey.
-    """
-    if storeys.ndim != 2 or len(storeys) != len(values):
-        raise SettingError(
-            f"`storeys` has shape {storeys.shape}, and there are {len(values)} values; give (n_storeys, n) and one "
-            "value for each storey"
-        )
-    # What overflows is refused by `Building`.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
 
 
 @cache
