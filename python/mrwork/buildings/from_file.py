@@ -292,10 +292,11 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                 else:
                     built = _read(folder / str(table.file), readers, table, arrays)
             if arrays:
-                status, words = "ours" if built.knows_masses else built.status, ", ".join(arrays)
-                built = replace(
-                    built, **arrays, status=status, source=source_with(built, f"{words} replaced")
-                )
+                changes: dict[str, Any] = {
+                    **arrays,
+                    "source": source_with(built, f"{', '.join(arrays)} replaced"),
+                }
+                built = replace(built, **changes, status="ours" if built.knows_masses else built.status)
         built = _with_statements(built, table)
         if table.condense is not False:
             built = static_condensation(built, shortest_period=np.inf if table.condense else 0.0)
@@ -360,7 +361,7 @@ def _shear(table: BuildingTable) -> Building:
         raise InvalidSettingError(
             (), "the building has no stiffnesses; give the stiffnesses of its storeys [N/m]"
         )
-    given = {name: getattr(table, name) or () for name in _SHEAR[:3]}
+    given: dict[str, Any] = {name: getattr(table, name) or () for name in _SHEAR[:3]}
     if table.n_storeys is not None:
         # A single number holds for every floor or storey.
         for name in filter(given.__getitem__, given):
