@@ -314,13 +314,13 @@ def test_of_two_matrices_that_differ_one_is_named_by_a_key(tmp_path: Path) -> No
 
 def test_heights_are_those_of_storeys_and_of_no_addition() -> None:
     one = stated(SHEAR + 'height = "3.5 m"')
-    assert one.heights.tolist() == one.drift_heights.tolist() == [3.5, 3.5]
+    assert one.heights.tolist() == one.of_drifts(one.heights).tolist() == [3.5, 3.5]
     isolation = "[isolation]\nmass = 1.0\nperiod = 2.0\nratio = 0.1\n"
     brace = "[[brace]]\nstorey = 1\nstiffness = 9.0\nmass = 1e-3\n"
     built = stated(f"{SHEAR}heights = [4.0, 3.0]\n{isolation}{brace}")
     assert built.storey_names == ("isolation", "storey 1", "storey 2", "damper in isolation")
     assert built.heights.tolist() == [0.0, 4.0, 3.0, 0.0]
-    assert built.drift_heights.tolist() == [4.0, 3.0]
+    assert built.of_drifts(built.heights).tolist() == [4.0, 3.0]
     refusal(stated, f"{SHEAR}height = 3500", match="3500 m, which is beyond any storey")
     refusal(stated, f"{SHEAR}heights = [3.0]", match="1 number for 2 storeys")
 

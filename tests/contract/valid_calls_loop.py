@@ -36,7 +36,6 @@ def buildings_calls(_: Path) -> Calls:
     yield call(of.pushover, building=tall, pattern="uniform", roof=0.1, steps=10)
     yield call(frame.storey_row, storey=1)
     yield call(of.ideal_actuator, name="x", row=frame.storeys[0], largest_force=1e3)
-    yield call(of.chain, storeys=frame.storeys, values=[1.0, 2.0, 3.0, 4.0, 5.0])
     shear = {"masses": [1.0, 2.0], "stiffnesses": [100.0, 200.0], "storey_damping": [1.0, 1.0]}
     shear |= {"floor_names": ["a", "b"], "storey_names": ["c", "d"]}
     yield call(of.shear_building, name="x", **shear, source="s", status="ours")
@@ -144,8 +143,6 @@ def loop_calls(_: Path) -> Calls:
     device = named(loop[0], "name", "spec", "theta", "row", "largest_command", "count")
     yield call(mr.Device, **device, differential=True, lag=190.0)
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
-    demand = {"stroke": 0.01, "velocity": 0.1, "force": 1e3, "energy": 1.0, "seconds": 3.0}
-    yield call(loop[0].demand, **demand, peak_command=1.0, mean_command=0.5)
     hardware = {
         **{"sample_time": 1e-3, "step": 5e-4, "delay": 1e-3, "command_rate": 100.0, "feedback": "observer"},
         **{"measured_floors": (0, 4), "noise_ratio": 50.0, "acceleration_noise": 0.01, "seed": 3},

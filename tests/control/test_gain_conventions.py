@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, solve_continuous_are
+from scipy.linalg import block_diag, expm, solve_continuous_are, solve_discrete_are
 
 import mrwork as mr
 from mrwork.base.remark import Remark
@@ -109,3 +109,30 @@ def test_a_law_without_a_design_tells_it_with_its_responses() -> None:
     for gain, codes in ((RESISTING, []), (-RESISTING, ["gain_convention"])):
         law = mr.ControlLaw(name="clipped_optimal", gains={"gain": gain})
         assert [each.code for each in mr.simulate_loop(FRAME, [damper], law, [motion]).remarks] == codes
+
+
+def test_velocities_first_are_named_where_they_are_a_regulator_in_our_order_too() -> None:
+    """A gain that gives hardly any force for displacements is one of velocities; one that weighs them alone stays."""
+    plant = mr.control.plant_of(FRAME, FRAME.storeys[:1])
+    gain = mr.control.regulator_of_outputs(plant, mr.control.drifts(plant), 1.0, 1e-17).gain
+    (told,) = remarks(np.hstack([gain[:, N:], gain[:, :N]]))
+    assert told.words == (
+        "is a regulator of velocities alone",
+        "is one of both",
+        "velocities before displacements",
+    )
+    of_velocities = mr.control.regulator_of_outputs(plant, mr.control.velocities(plant), 1.0, 1e-14).gain
+    assert not remarks(gain) + remarks(of_velocities)
+
+
+def test_a_gain_of_samples_is_no_gain_of_another_convention() -> None:
+    """K of `dlqr` at 80 ms: its loop is stable in such samples, and not with continuous forces."""
+    plant = mr.control.plant_of(FRAME, FRAME.storeys)
+    whole = expm(0.08 * np.block([[plant.A, plant.B], [np.zeros((N, 3 * N))]]))
+    F, G, R = whole[: 2 * N, : 2 * N], whole[: 2 * N, 2 * N :], 1e-20 * np.eye(N)
+    P = solve_discrete_are(F, G, plant.energy * 1e-8, R)
+    gain = np.linalg.solve(R + G.T @ P @ G, G.T @ P @ F)
+    assert [each.code for each in gain_remarks(plant, gain, sample_time=0.08)] == ["gain_of_samples"]
+    assert [each.code for each in gain_remarks(plant, gain)] == ["gain_convention"]
+    (told,) = gain_remarks(plant, -gain, sample_time=0.08)
+    assert told.words[2].startswith("-K, which is K of `lqr`")

@@ -68,6 +68,17 @@ def test_the_regulator_of_a_frame_is_that_of_the_textbook_also_saturated(most: f
     assert not [remark for remark in results.remarks if "damper" in remark.code]
 
 
+def test_scores_of_actuators_alone_are_over_the_building_without_them() -> None:
+    results = mr.run_study(study([LQR]), threads=1)
+    assert [row.kind for row in results.rows] == ["uncontrolled", "actuator"]
+    ratios = results.ratios(1, 0, "uncontrolled")
+    expected = np.mean(
+        [ratios[name] for name in ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")]
+    )
+    assert results.score(1).mean == pytest.approx(expected, rel=1e-12)
+    assert results.score(0).mean == 1.0 > results.score(1).mean
+
+
 def test_limits_are_in_newtons_for_actuators_and_in_the_place_of_dampers() -> None:
     damper = {"storey": 1, "preset": "kwok2006"}
     laws = [

@@ -44,6 +44,19 @@ def test_results_are_the_same_as_building_and_as_baseline(
     assert alone.quantities.axes["floor"] == ("floor 1", "floor 2", "floor 3")
 
 
+def test_a_tuned_mass_of_the_building_has_its_stroke_beside_dampers_too() -> None:
+    tuned = FRAME | {"tuned_mass": [{"floor": 3, "mass_ratio": 0.02}]}
+    brace = {"stiffness": 2e8}
+    results = isolated(
+        tuned, dampers=[{"storey": 1, "preset": "kwok2006", "brace": brace}], laws=["passive_on"]
+    )
+    assert results.quantities.axes["device"] == ("damper in storey 1", "tuned mass")
+    strokes = results.quantities.peak_stroke[:, 0, 0]
+    assert np.isnan(strokes[:, 0]).tolist() == [True, *[False] * (len(strokes) - 1)]
+    np.testing.assert_allclose(strokes[:, 1], strokes[0, 1], rtol=0.05)
+    np.testing.assert_array_equal(results.criteria_of_runs.peak_stroke[:, 0, 0], strokes[:, 1])
+
+
 def test_isolators_of_own_matrices_are_named_or_have_no_height(tmp_path: Path) -> None:
     built = mr.study_of(building=FRAME | HEIGHTS | RUBBER, motions=MOTIONS).building
     stiffness, damping = built.stiffness.tolist(), built.damping.tolist()

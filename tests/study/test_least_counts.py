@@ -62,6 +62,29 @@ def test_the_count_keeps_the_limit_and_one_damper_fewer_does_not(found: mr.study
     assert rows["Passive-off"].total > on.total >= rows["Optimal passive"].total
 
 
+def test_dampers_across_isolators_are_counted_to_a_limit_of_the_stroke() -> None:
+    isolation = {"mass": 500.0, "period": 1.0, "ratio": 0.05}
+    frame = {
+        "masses": [500.0],
+        "stiffnesses": [1e6],
+        "modal_damping": {"ratios": [0.01]},
+        "isolation": isolation,
+    }
+    isolated = study(
+        building=frame,
+        dampers=[{"storey": 1, "model": "bingham", "parameters": DASHPOT, "largest_command": 1.0}],
+        laws=["passive_on"],
+        report={},
+    )
+    sized = mr.study.damper_counts(isolated, limit={"peak_stroke": 0.03}, most=64, threads=1)
+    on = next(row for row in sized.rows if row.label == "Passive-on")
+    strokes = [
+        mr.run_study(counted_study(isolated, (count,)), threads=1).criteria_of_runs.peak_stroke[:, :, 0]
+        for count in (on.counts[0], on.counts[0] - 1)
+    ]
+    assert on.value == strokes[0][3].max() <= 0.03 < strokes[1][3].max() < sized.bare == strokes[0][0].max()
+
+
 def test_counts_by_storey_are_no_more_and_no_single_one_can_be_less(found: mr.study.DamperCounts) -> None:
     by_storey = mr.study.damper_counts(study(laws=["passive_on"]), by="storey", most=16, threads=1)
     (own,) = (each for each in by_storey.rows if each.label == "Passive-on")

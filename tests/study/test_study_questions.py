@@ -110,6 +110,20 @@ def test_a_part_relative_to_its_floor_is_asked_about_and_distributed_mass_is_not
     assert study(tmp_path, in_matrices(2e4 * beam[1:, 1:], 6e7 * spring[1:, 1:])).remarks == ()
 
 
+def test_coordinates_of_a_baseline_are_asked_about_where_those_of_the_building_are_not(
+    tmp_path: Path,
+) -> None:
+    mass, stiffness, _ = of_drifts(2)
+    given = f"mass = {mass.tolist()}, stiffness = {stiffness.tolist()}"
+    chain = in_matrices(np.diag(np.diag(mass)), np.array([[6e7, -2.5e7], [-2.5e7, 2.5e7]]))
+    baseline = f'[[baseline]]\nlabel = "drifts"\nbuilding = {{ {given} }}\n'
+    assert [said.code for said in study(tmp_path, chain, baseline).remarks] == ["coordinates_relative"]
+    isolated = (
+        '[[baseline]]\nlabel = "isolated"\nbuilding.isolation = { mass = 2e4, period = 2.0, ratio = 0.1 }\n'
+    )
+    assert study(tmp_path, chain, isolated).remarks == ()
+
+
 def test_ordinary_isolation_is_silent(tmp_path: Path) -> None:
     one = "n_storeys = 1\nmasses = [2e5]\nstiffnesses = [1.5e8]\nmodal_damping = { ratios = [0.02] }\n"
     for period in (1.5, 3.0, 5.0):

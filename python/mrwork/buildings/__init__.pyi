@@ -1,7 +1,6 @@
 from .device import ideal_actuator as ideal_actuator
 from .frames import building as building
 from .frames import buildings as buildings
-from .frames import chain as chain
 from .frames import shear_building as shear_building
 from .frames import with_base_isolation as with_base_isolation
 from .frames import with_base_isolation_of_period as with_base_isolation_of_period

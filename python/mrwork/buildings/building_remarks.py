@@ -39,7 +39,7 @@ MOST_QUESTIONED: Final = 300
 def asked_of(building: Structure, modes: Modes) -> Iterator[Remark]:
     """What a colleague would ask about modes, coordinates, damping and strength of a building with mass."""
     yield from _mode_remarks(building, modes)
-    yield from _coordinate_remarks(building)
+    yield from coordinate_remarks(building)
     yield from _storey_remarks(building, modes)
 
 
@@ -120,7 +120,7 @@ _RELATIVE: Final = RemarkKind(
 )
 
 
-def _coordinate_remarks(building: Structure) -> Iterator[Remark]:
+def coordinate_remarks(building: Structure) -> Iterator[Remark]:
     """Warn of coordinates that the influence says the ground moves, but whose stiffness shows no displacements.
 
     Springs between displacements have negative entries beside the diagonal, and condensed frames positive ones between

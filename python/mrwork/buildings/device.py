@@ -23,9 +23,6 @@ from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError
 
-# A command with a mean above this share of its peak is constant but for the lag of the driver.
-_CONSTANT = 0.9
-
 _FORCE = ParamSpec(
     name="f", unit="N", scale="linear", lower=-1e300, upper=1e300, nominal=0.0, description="resisting force"
 )
@@ -145,49 +142,6 @@ class Device(Summarised):
     def draws(self) -> Floats:
         """Parameters of each draw, shape (n_draws, n_params); one draw where `theta` is one set."""
         return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))
-
-    @checked
-    def demand(
-        self,
-        *,
-        stroke: NotNegative,
-        velocity: NotNegative,
-        force: NotNegative,
-        energy: float,
-        seconds: Positive,
-        peak_command: NotNegative,
-        mean_command: NotNegative,
-        least_stroke: NotNegative | None = None,
-    ) -> OperatingRange:
-        """Demand of a run on one of the dampers, from peaks and the dissipated energy of all of them.
-
-        The frequency belongs to a sinusoid with the peak velocity and the peak stroke. A command whose mean is within
-        10 % of its peak is taken for constant, any other to start from zero, as every run does. `least_stroke` is
-        defined in `OperatingRange`; `None` where the run has no history.
-        """
-        n_dampers = self.count * (2.0 if self.differential else 1.0)
-        frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
-        command = None
-        if self.command is not None:
-            command = (self.command, self.command)
-        elif self.spec.follows_command:
-            constant = mean_command > _CONSTANT * peak_command
-            command = (peak_command if constant else 0.0, peak_command)
-        return OperatingRange(
-            stroke=stroke,
-            velocity=velocity,
-            frequency=None if frequency is None else (frequency, frequency),
-            command=command,
-            command_unit=None if command is None else self.spec.command_unit,
-            force=force / n_dampers,
-            power=max(0.0, energy / n_dampers / seconds),
-            least_stroke=least_stroke,
-        )
-
-    @property
-    def knows_least_stroke(self) -> bool:
-        """Whether the demand can be below the tested strokes, which only the history of a run shows."""
-        return self.tested is not None and self.tested.least_stroke is not None
 
     @checked
     def outside(self, demand: OperatingRange) -> Outside:

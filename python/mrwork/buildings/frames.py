@@ -77,38 +77,23 @@ def shear_building(
                 f"building {name}: {len(values)} {title} for {n} masses; give one for each storey"
             )
     storeys = np.eye(n) - np.eye(n, k=-1)
+
+    def chain(values: Sequence[float]) -> Floats:
+        # What overflows is refused by `Building`.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
+
     return Building(
         name=name,
         mass=np.diag(np.asarray(masses, dtype=np.float64)),
-        damping=chain(storeys, damping),
-        stiffness=chain(storeys, stiffnesses),
+        damping=chain(damping),
+        stiffness=chain(stiffnesses),
         floor_names=tuple(floor_names),
         storey_names=tuple(storey_names),
         source=source,
         status=status,
         heights=np.array(heights, dtype=np.float64),
     )
-
-
-@checked
-def chain(storeys: Floats, values: Sequence[float]) -> Floats:
-    """Matrix of springs or dashpots across storeys: the sum of value e'e, shape (n, n).
-
-    Parameters
-    ----------
-    storeys
-        Row e of each storey, shape (n_storeys, n).
-    values
-        Stiffness or damping of each storey.
-    """
-    if storeys.ndim != 2 or len(storeys) != len(values):
-        raise SettingError(
-            f"`storeys` has shape {storeys.shape}, and there are {len(values)} values; give (n_storeys, n) and one "
-            "value for each storey"
-        )
-    # What overflows is refused by `Building`.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
 
 
 @cache
@@ -318,21 +303,21 @@ def with_coordinate(
     mass: float,
     damping: float,
     stiffness: float,
-    across: Floats,
-    follows_ground: float,
     stroke: Floats,
     stroke_name: str,
-    label: str,
     added: str,
+    label: str = "",
+    across: Floats | None = None,
+    follows_ground: float = 0.0,
 ) -> Building:
     """Return the building with one more coordinate, a mass on a spring and a dashpot, that is not a floor.
 
-    Spring and dashpot elongate by across @ q, shape (n + 1,). `follows_ground` is 1 for a displacement relative to the
-    ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the storeys. The name of the building
-    has the `label` of what is `added`, which its source describes.
+    Spring and dashpot elongate by across @ q, shape (n + 1,), by default the stroke. `follows_ground` is 1 for a
+    displacement relative to the ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the
+    storeys. The name of the building has the `label` of what is `added`, by default the name of the stroke.
     """
     n = building.n_coordinates
-    spring = np.outer(across, across)
+    spring = np.outer(stroke, stroke) if across is None else np.outer(across, across)
     grown = replace(
         building,
         mass=scipy.linalg.block_diag(building.mass, np.array([[mass]])),
@@ -349,7 +334,7 @@ def with_coordinate(
         elements=transform_elements(building.elements, np.eye(n, n + 1)),
     )
     source = source_with(building, f"{added} added")
-    return replace(grown, name=f"{building.name}, {label}", source=source)
+    return replace(grown, name=f"{building.name}, {label or stroke_name}", source=source)
 
 
 @checked
@@ -401,7 +386,6 @@ def brace_across(
         damping=damping,
         stiffness=stiffness,
         across=end,
-        follows_ground=0.0,
         stroke=np.append(row, -1.0),
         stroke_name=name,
         label=f"brace in {where}",

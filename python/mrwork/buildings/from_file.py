@@ -291,7 +291,12 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                     built = table.file
                 else:
                     built = _read(folder / str(table.file), readers, table, arrays)
-            built = _with_matrices(built, arrays)
+            if arrays:
+                changes: dict[str, Any] = {
+                    **arrays,
+                    "source": source_with(built, f"{', '.join(arrays)} replaced"),
+                }
+                built = replace(built, **changes, status="ours" if built.knows_masses else built.status)
         built = _with_statements(built, table)
         if table.condense is not False:
             built = static_condensation(built, shortest_period=np.inf if table.condense else 0.0)
@@ -356,25 +361,12 @@ def _shear(table: BuildingTable) -> Building:
         raise InvalidSettingError(
             (), "the building has no stiffnesses; give the stiffnesses of its storeys [N/m]"
         )
-    masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
-    name = table.name or "building"
-    return shear_building(name=name, masses=masses, stiffnesses=stiffnesses, storey_damping=damping)
-
-
-def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
-    """Return one number per floor or storey; a single number is repeated `n_storeys` times."""
-    values: tuple[float, ...] = getattr(table, name) or ()
-    if table.n_storeys is None or not values:
-        return values
-    return tuple(one_for_each(name, np.squeeze(values), table.n_storeys, "storey").tolist())
-
-
-def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
-    if not arrays:
-        return building
-    status = "ours" if building.knows_masses else building.status
-    source = source_with(building, f"{', '.join(arrays)} replaced")
-    return replace(building, **arrays, status=status, source=source)
+    given: dict[str, Any] = {name: getattr(table, name) or () for name in _SHEAR[:3]}
+    if table.n_storeys is not None:
+        # A single number holds for every floor or storey.
+        for name in filter(given.__getitem__, given):
+            given[name] = one_for_each(name, np.squeeze(given[name]), table.n_storeys, "storey").tolist()
+    return shear_building(name=table.name or "building", **given)
 
 
 def _in_si(arrays: Mapping[str, Floats], table: BuildingTable) -> dict[str, Floats]:

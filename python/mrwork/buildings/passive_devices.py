@@ -197,11 +197,8 @@ def with_liquid_column(
         mass=mass,
         damping=0.0,
         stiffness=mass * (2.0 * pi * frequency) ** 2,
-        across=elevation,
-        follows_ground=0.0,
         stroke=elevation,
         stroke_name=name,
-        label=name,
         added=f"{name} of {mass:g} kg, {length:.4g} m long,",
     )
     # The liquid moves with the floor, and its elevation accelerates the floor.
@@ -346,11 +343,9 @@ def with_tuned_mass(
         mass=mass,
         damping=2.0 * ratio * mass * omega,
         stiffness=mass * omega**2,
-        across=stroke,
         follows_ground=float(row @ building.influence),
         stroke=stroke,
         stroke_name=name,
-        label=name,
         added=f"{name} of {mass:g} kg, {frequency:g} Hz, {ratio:g}",
     )
 

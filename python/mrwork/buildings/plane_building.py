@@ -267,7 +267,7 @@ class Building(Structure, Plotted, Summarised):
             facts=(
                 ("masses", _listed(np.diag(self.mass), "kg") if len(self.storey_stiffnesses) else ""),
                 ("stiffnesses", _listed(self.storey_stiffnesses, "N/m")),
-                ("heights", _listed(self.drift_heights, "m")),
+                ("heights", _listed(self.of_drifts(self.heights), "m")),
                 ("yield at", _listed(1e3 * self.of_drifts(self.yield_drifts), "mm of drift")),
                 ("P-delta", _listed(self.of_drifts(self.loads), "N") if self.loads.any() else ""),
                 ("passive", ", ".join(element.name for element in self.added)),

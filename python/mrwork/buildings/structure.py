@@ -85,11 +85,6 @@ class Structure:
         return tuple(self.of_drifts(np.array(self.storey_names, dtype=object)).tolist())
 
     @property
-    def drift_heights(self) -> Floats:
-        """Heights of the storeys whose drifts `drifts` has [m], shape (n_drifts,), or empty."""
-        return self.of_drifts(self.heights)
-
-    @property
     def frame_floors(self) -> tuple[str, ...]:
         """Names of the floors without the slabs that isolators carry alone."""
         slabs = self.storeys[self.isolates]

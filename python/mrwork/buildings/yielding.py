@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
+import scipy
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Says, Within
@@ -248,7 +248,7 @@ def pushover(
     Raises
     ------
     SettingError
-        If the floors are no chain, or storeys yield at drifts too small for the push.
+        If the floors are no chain.
     """
     drifts, floors = building.check().chain, building.floors
     if not building.unit_drifts.any():
@@ -267,59 +267,38 @@ def pushover(
     goal = roof if roof is not None else _far(building, force, float(levels[-1]) if heights.size else 0.0)
     rows = np.array([element.row for element in building.elements]).reshape(-1, building.n_coordinates)
     loops = np.array([element.numbers[3:6] for element in building.elements]).reshape(-1, 3)
-    stiffness, top = building.site_stiffness, floors[-1]
-    q, w, load = np.zeros(building.n_coordinates), np.zeros(len(rows)), 0.0
-    # The frame carries what the weight on it adds.
-    signs, carrying = np.ones(len(rows)), replace(building, loads=np.empty(0)).site_stiffness
-    points = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
+    stiffness, top, n = building.site_stiffness, floors[-1], building.n_coordinates
 
-    def slopes(w: Floats, signs: Floats) -> Floats:
-        rising = 1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]
-        # Storeys that have yielded without any stiffness would be a mechanism.
-        return np.asarray(loops[:, 1] * np.maximum(rising, _FLAT))
-
-    fastest = max(
-        (1.0 / element.yield_displacement for element in building.elements if element.yield_force > 0.0),
-        default=0.0,
-    )
-    parts = max(1, math.ceil(2.0 * goal / steps * fastest)) if goal * fastest < _MOST_STEPS else _MOST_STEPS
-    if steps * parts > _MOST_STEPS:
-        raise SettingError(
-            f"{building.name} yields at {1e3 / fastest:.3g} mm, and a push to {goal:g} m is too long for that; give a "
-            "smaller `roof`"
-        )
-    ahead = goal / (steps * parts)
-    for part in range(1, steps * parts + 1):
-        # A loop that turns back within a step unloads with its initial stiffness.
-        for _ in range(_TURNS):
-            middle = w
-            for _ in range(2):
-                slope = slopes(middle, signs)
-                tangent = stiffness + rows.T @ np.diag(loops[:, 0] * slope) @ rows
-                unit = np.linalg.solve(tangent, force)
-                moved = unit * (ahead / float(top @ unit))
-                middle = np.clip(w + 0.5 * slope * (rows @ moved), -1.0, 1.0)
-            turned = np.sign(rows @ moved)
-            if (turned == signs).all():
+    def rates(_: float, state: Floats) -> Floats:
+        """Coordinates and loops per displacement of the roof."""
+        w, signs = state[n:], np.ones(len(rows))
+        for _turn in range(_TURNS):
+            rising = 1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]
+            # Storeys that have yielded without any stiffness would be a mechanism.
+            slope = loops[:, 1] * np.maximum(rising, _FLAT)
+            unit = np.linalg.solve(stiffness + rows.T @ np.diag(loops[:, 0] * slope) @ rows, force)
+            moved = unit / float(top @ unit)
+            # A loop that turns back unloads with its initial stiffness.
+            if (signs == (signs := np.sign(rows @ moved))).all():
                 break
-            signs = turned
-        q, w = q + moved, np.clip(w + slope * (rows @ moved), -1.0, 1.0)
-        load += ahead / float(top @ unit)
-        if part % parts and load > 0.0:
-            continue
-        drift = drifts @ q
-        shear = units @ (carrying @ q + rows.T @ (loops[:, 0] * w))
-        points.append((float(top @ q), load, drift, shear))
-        if load <= 0.0:
-            break
-    columns: list[Any] = [np.array(column) for column in zip(*points, strict=True)]
+        return np.concatenate([moved, slope * (rows @ moved)])
+
+    start, way = np.zeros(n + len(rows)), np.linspace(0.0, goal, steps + 1)
+    tolerances: dict[str, Any] = {"rtol": 1e-8, "atol": np.repeat([1e-10 * goal, 1e-10], [n, len(rows)])}
+    path = scipy.integrate.solve_ivp(rates, (0.0, goal), start, method="LSODA", t_eval=way, **tolerances).y
+    q, of_loops = path[:n], rows.T @ (loops[:, :1] * path[n:])
+    load = units[0] @ (stiffness @ q + of_loops)
+    fallen = np.flatnonzero(load[1:] <= 0.0)
+    pushed = slice(None if not fallen.size else int(fallen[0]) + 2)
+    # The frame carries what the weight on it adds.
+    carrying = replace(building, loads=np.empty(0)).site_stiffness
     return Pushover(
         name=building.name,
         pattern=pattern,
-        roof=columns[0],
-        base_shear=columns[1],
-        drifts=columns[2],
-        shears=columns[3],
+        roof=way[pushed],
+        base_shear=load[pushed],
+        drifts=(drifts @ q).T[pushed],
+        shears=(units @ (carrying @ q + of_loops)).T[pushed],
         weight=building.total_mass * STANDARD_GRAVITY,
         height=float(heights.sum()),
     )
@@ -344,4 +323,3 @@ _SHOWN: Final = 13
 _TURNS: Final = 4
 # Slope of a loop that has yielded, over the initial one.
 _FLAT: Final = 1e-9
-_MOST_STEPS: Final = 100_000

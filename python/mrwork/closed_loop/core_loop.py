@@ -298,7 +298,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
         building,
         storeys=building.drifts,
         storey_names=building.drift_names,
-        heights=building.drift_heights,
+        heights=building.of_drifts(building.heights),
         isolators=(),
         loads=np.empty(0),
         n_strokes=0,

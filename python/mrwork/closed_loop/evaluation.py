@@ -46,7 +46,7 @@ class Scales(Summarised):
         """The scales of a building without dampers."""
         return Scales(
             weight=building.total_mass * STANDARD_GRAVITY,
-            heights=building.drift_heights,
+            heights=building.of_drifts(building.heights),
             yield_drifts=building.of_drifts(building.yield_drifts),
             loads=building.of_drifts(building.loads),
         )

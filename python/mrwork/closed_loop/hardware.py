@@ -6,6 +6,7 @@ Its fields are also the keys of [hardware] in a study file, where floors and dam
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal
@@ -166,46 +167,47 @@ class Hardware(Summarised):
     faults: tuple[Fault, ...] = key("faults", default=(), named="fault")
 
     def __post_init__(self) -> None:
+        for name, sentence in self._mistakes():
+            raise InvalidSettingError(name, sentence)
+
+    def _mistakes(self) -> Iterator[tuple[str | tuple[()], str]]:
         if self.sample_time / self.step > _MOST_STEPS or self.delay / self.sample_time > _LONGEST_DELAY:
-            raise SettingError(
+            yield (
+                (),
                 f"`step` is {self.step} s and `delay` {self.delay} s for samples of {self.sample_time} s; give at most "
-                f"{_MOST_STEPS} steps to a sample, and {_LONGEST_DELAY} samples of delay"
+                f"{_MOST_STEPS} steps to a sample, and {_LONGEST_DELAY} samples of delay",
             )
         if abs(self.delay / self._step - self.delay_steps) > 1e-6:
-            raise SettingError(
+            yield (
+                (),
                 f"`delay` is {self.delay} s, which is not a whole number of integration steps of {self._step:g} s; "
-                f"give a multiple of them, or a finer `step`"
+                "give a multiple of them, or a finer `step`",
             )
         for name in ("measured_floors", "measured_storeys"):
             places = getattr(self, name) or ()
             if len(set(places)) < len(places):
-                raise InvalidSettingError(name, f"`{name}` are {list(places)}; give each once")
-        for name in _OF_DRIFTS:
-            if getattr(self, name) and not self.measured_storeys:
-                raise InvalidSettingError(
-                    name,
-                    f"`{name}` is of sensors that no storey has; give `measured_storeys`, or leave it out",
-                )
+                yield name, f"`{name}` are {list(places)}; give each once"
+        storeys = self.measured_storeys
+        for name in (name for name in _OF_DRIFTS if getattr(self, name) and not storeys):
+            yield name, f"`{name}` is of sensors that no storey has; give `measured_storeys`, or leave it out"
         for fault in self.faults:
-            if fault.channel == "drift" and fault.index not in self.measured_storeys:
-                raise InvalidSettingError(
+            if fault.channel == "drift" and fault.index not in storeys:
+                yield (
                     "faults",
                     f"a fault is of the drift of storey {fault.index + 1}, which no sensor measures; give it in "
                     "`measured_storeys`",
                 )
-        if self.kinematic and not self.measured_storeys:
-            raise InvalidSettingError(
+        if self.kinematic and not storeys:
+            yield (
                 "kinematic",
                 "`kinematic` corrects what it integrates by measured drifts; give `measured_storeys`, all of them",
             )
-        if self.feedback == "state":
-            for name in _OF_OBSERVER:
-                if getattr(self, name):
-                    raise InvalidSettingError(
-                        name,
-                        f"`{name}` has no effect with feedback of the state, which needs no accelerations; leave it "
-                        "out, or set `feedback` to 'observer'",
-                    )
+        for name in (name for name in _OF_OBSERVER if getattr(self, name) and self.feedback == "state"):
+            yield (
+                name,
+                f"`{name}` has no effect with feedback of the state, which needs no accelerations; leave it out, or "
+                "set `feedback` to 'observer'",
+            )
 
     @property
     def steps(self) -> int:

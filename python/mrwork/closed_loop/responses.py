@@ -146,18 +146,34 @@ def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) ->
     }
 
 
+# A command with a mean above this share of its peak is constant but for the lag of the driver.
+_CONSTANT = 0.9
+
+
 def demand_of(
     device: Device, numbers: Mapping[str, Floats], place: int, *, seconds: float, least_stroke: float | None
 ) -> OperatingRange:
-    """Demand of a run of so many seconds on one damper of the device at this place among all, by its quantities."""
-    return device.demand(
-        stroke=float(numbers["peak_stroke"][place]),
-        velocity=float(numbers["peak_rate"][place]),
-        force=float(numbers["peak_force"][place]),
-        energy=float(numbers["device_energy"][place]),
-        seconds=seconds,
-        peak_command=float(numbers["peak_current"][place]),
-        mean_command=float(np.nan_to_num(numbers["mean_current"][place])),
+    """Demand of a run of so many seconds on one damper of the device at this place among all, by its quantities.
+
+    The frequency belongs to a sinusoid with the peak velocity and the peak stroke. A command whose mean is within
+    10 % of its peak is taken for constant, any other to start from zero, as every run does. `least_stroke` is
+    defined in `OperatingRange`; `None` where the run has no history.
+    """
+    names = ("peak_stroke", "peak_rate", "peak_force", "device_energy", "peak_current", "mean_current")
+    stroke, velocity, force, energy, peak, mean = (float(numbers[name][place]) for name in names)
+    n_dampers = device.count * (2.0 if device.differential else 1.0)
+    frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
+    command = None if device.command is None else (device.command, device.command)
+    if command is None and device.spec.follows_command:
+        command = (peak if mean > _CONSTANT * peak else 0.0, peak)
+    return OperatingRange(
+        stroke=stroke,
+        velocity=velocity,
+        frequency=None if frequency is None else (frequency, frequency),
+        command=command,
+        command_unit=None if command is None else device.spec.command_unit,
+        force=force / n_dampers,
+        power=max(0.0, energy / n_dampers / seconds),
         least_stroke=least_stroke,
     )
 

@@ -184,14 +184,14 @@ def simulate_loop(
     if shaping is not None:
         slope, counts["`shaping`"] = float(shaping[:, 1].min()), len(shaping)
         refuse_rate(devices, slope, "command_slope")
-    if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
+    name, is_idle = law.name if user is None else f"{user.name} in Python", gains.size and not gains.any()
+    if not (actuators or devices[0].spec.follows_command or (is_idle and user is None)):
         raise SettingError(
-            f"{law.name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
+            f"{name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
             "command: it would have no effect; give the model current laws, or simulate the passive damper with the "
             "law passive and a command of zero"
         )
     _check_commands(law, driven)
-    name = law.name if user is None else f"{user.name} in Python"
     if lacking := beyond_twin(building, devices, hardware, name):
         raise SettingError(lacking)
     theta = theta_of(devices)
@@ -270,7 +270,8 @@ def simulate_loop(
     # A design has looked at its own gain.
     if SETTINGS[law.name].is_regulator and law.margins is None and len(gains) == 1:
         plant = plant_of(building, elongation_rows(building, driven))
-        law_remarks = tuple(gain_remarks(plant, np.reshape(law.gains["gain"], (len(driven), n_states))))
+        gain = np.reshape(law.gains["gain"], (len(driven), n_states))
+        law_remarks = tuple(gain_remarks(plant, gain, sample_time=hardware.sample_time))
     core, workers = loop.core(), present_workers()
     if workers is None or histories or user is not None or changes is not None:
         simulate = core.simulator(runs, histories=histories, threads=threads, changes=changes)

@@ -221,12 +221,6 @@ class UserLaw(Summarised):
     @checked
     def placeholder(self, devices: Sequence[Device]) -> ControlLaw:
         """The law that the core has in place of this one: its candidates, without a command."""
-        for device in devices:
-            if not device.spec.follows_command:
-                raise SettingError(
-                    f"{self.name} commands {device.name}, a {device.spec.name} of which no parameter depends on the "
-                    "command: it would have no effect; give the model current laws"
-                )
         return ControlLaw(name="passive", gains={"command": np.zeros((self.n_candidates, len(devices)))})
 
     @checked

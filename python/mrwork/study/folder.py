@@ -222,7 +222,7 @@ def _summary(results: StudyResults) -> dict[str, Any]:
         "score_bands": {
             row.label: asdict(bands["score"])
             for number, row in rows
-            if (bands := bands_over(results, number, results.row_of("passive_off")))
+            if (bands := bands_over(results, number, results.at_zero))
         },
         "sentences": results_in_words(results),
     }

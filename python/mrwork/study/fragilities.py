@@ -11,7 +11,7 @@ have this likelihood, and so have counts at each level, with one level for each 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -37,6 +37,7 @@ from mrwork.study.comparison import small_first
 from mrwork.study.judged_motions import RecordLevels
 from mrwork.study.results import StudyResults
 from mrwork.study.row_kinds import ROW_KINDS, Kind
+from mrwork.study.runs import numbered
 from mrwork.study.storeys import COLLAPSED
 
 _DRAWS = 2000
@@ -431,7 +432,6 @@ def fragilities_of(
     *,
     criterion: str = "peak_drift",
     level: Level = 0.9,
-    records: Sequence[str] | None = None,
     measure: str = "PGA",
     unresolved: Mapping[str, ArrayLike] | None = None,
     seed: Seed = 0,
@@ -453,8 +453,6 @@ def fragilities_of(
         What was judged, as in `mr.closed_loop.criteria()`.
     level
         Level of the bands, by bootstrap over the records; the same records are drawn for every arrangement.
-    records
-        Names of the records; numbers by default.
     measure
         The measure of intensity in words.
     unresolved
@@ -480,13 +478,13 @@ def fragilities_of(
     at = np.asarray(levels, dtype=float)
     stacked = [np.asarray(response, dtype=float) for response in responses.values()]
     failed = {} if unresolved is None else {name: np.asarray(each, bool) for name, each in unresolved.items()}
-    count = len(next(iter(stacked), ())) if records is None else len(records)
+    count = len(next(iter(stacked), ()))
     shape = (count, at.size)
     if not stacked or any(response.shape != shape for response in stacked):
         text = ", ".join(f"{label} {np.shape(response)}" for label, response in responses.items())
         raise SettingError(
             f"`responses` have the shapes {text or 'of nothing'}; give (n_records, n_levels) for each label, here "
-            f"{shape}, with `levels` of shape (n_levels,), and as many names of `records` if you give them"
+            f"{shape}, with `levels` of shape (n_levels,)"
         )
     flags = np.array([failed.pop(label, np.zeros(shape, bool)) for label in responses])
     if failed or flags.shape != (len(stacked), *shape) or (flags & ~np.isnan(stacked)).any():
@@ -497,9 +495,8 @@ def fragilities_of(
     kinds: dict[str, Kind] = {
         label: "uncontrolled" if label == "uncontrolled" else "controller" for label in responses
     }
-    names = tuple(map(str, range(1, count + 1))) if records is None else tuple(records)
     places = np.zeros(shape, dtype=np.int64)
-    of_levels = RecordLevels(records=names, measures=(measure,), levels=at, places=places)
+    of_levels = RecordLevels(records=numbered(count), measures=(measure,), levels=at, places=places)
     found = Fragilities(criterion=criterion, limit=limit, unit=criterion_named(criterion).unit, level=level)
     outside = np.where(np.isnan(stacked) & ~flags, np.nan, 0.0)
     return _with_rows(found, kinds, of_levels, np.array(stacked), outside, seed)

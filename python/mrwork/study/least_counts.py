@@ -262,7 +262,10 @@ class _Stated(_Trials):
         case = LoopCase(arrangement=of, motions=motions, hardware=study.hardware, threads=self.threads)
         runs = runs_of(case.responses(), of, candidate_axes(1, motions, 1))
         self.runs += len(motions)
-        return searched(criterion(self.criterion).of_places(runs, scales_of(of))).ravel() / self.limit
+        judged = criterion(self.criterion)
+        # Dashpots that a search takes out have no stroke.
+        numbers = judged.value if self.criterion == "peak_stroke" else judged.of_places
+        return searched(numbers(runs, scales_of(of))).ravel() / self.limit
 
     def _simulate(self, counts: tuple[int, ...]) -> list[float]:
         return [float(self.reached(counts).max()) * self.limit]
@@ -369,9 +372,11 @@ def damper_counts(
             "[building]"
         )
     ((name, value),) = limit_of(limits, study.command_unit, Scales.of(study.building)).items()
-    if quantity_named(criterion(name).quantity).axis == "device":
+    of_isolators = name == "peak_stroke" and study.arrangements[0].strokes
+    if quantity_named(criterion(name).quantity).axis == "device" and not of_isolators:
         raise SettingError(
-            f"{name} is of the dampers; give a limit on the building, as peak_drift or peak_acceleration"
+            f"{name} is of the dampers; give a limit on the building, as peak_drift or peak_acceleration, or "
+            "peak_stroke of one with isolators or a tuned mass"
         )
     of_all: dict[str, Any] = {"study": study, "criterion": name, "limit": value, "threads": threads}
     of_all["on_progress"] = on_progress

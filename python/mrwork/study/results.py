@@ -467,10 +467,16 @@ class StudyResults(Plotted, Summarised):
     def _nominal(self) -> Runs:
         return self.criteria_of_runs.part(realisations=slice(1))
 
+    @property
+    def at_zero(self) -> int | None:
+        """The row that scores are over: i = 0; with actuators alone, which at rest do nothing, the bare building."""
+        off = self.row_of("passive_off")
+        return self.row_of("uncontrolled") if off is None and self.dampers else off
+
     @arguments.checked
     def scores(self, row: int) -> Floats:
         """Score of a row under each motion, shape (n_motions,); NaN where a run did not finish."""
-        reference, nominal = self.row_of("passive_off"), self._nominal
+        reference, nominal = self.at_zero, self._nominal
         if reference is None:
             return np.full(len(self.motions), math.nan)
         return np.asarray(nominal.of_row(row).scores(nominal.of_row(reference))[0, :, 0])

@@ -326,10 +326,9 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
 
 
 def knows_least_strokes(arrangement: Arrangement) -> bool:
-    """Whether a damper's tested range has a least stroke, which small strokes leave."""
-    return any(device.knows_least_stroke for device in arrangement.devices) and not commands_force(
-        arrangement
-    )
+    """Whether a damper's tested range has a least stroke, which small strokes leave, as histories alone show."""
+    least = (device.tested and device.tested.least_stroke for device in arrangement.devices)
+    return any(stroke is not None for stroke in least) and not commands_force(arrangement)
 
 
 def _device_labels(arrangement: Arrangement) -> tuple[list[str], list[str], list[str]]:

@@ -21,6 +21,7 @@ from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
+from mrwork.buildings.building_remarks import coordinate_remarks
 from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, joined_units, sends_forces
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
@@ -204,9 +205,12 @@ class Arrangement:
 
     @property
     def strokes(self) -> list[int]:
-        """Indices of isolators, and without devices of what else was added, which have a stroke, too."""
-        added = sorted(set(range(len(self.building.storeys))).difference(self.places["storey"]))
-        return [index for index in added if not self.devices or self.building.isolates[index]]
+        """Indices of isolators and additions, which have a stroke; one behind a brace is that of its damper."""
+        names, added = self.building.storey_names, set(range(len(self.building.storeys)))
+        added -= {*self.places["storey"]}
+        return [
+            index for index in sorted(added) if not self.devices or names[index] in self.bare.storey_names
+        ]
 
     @property
     def passive_devices(self) -> list[int]:
@@ -317,11 +321,14 @@ class Study(Summarised):
     def remarks(self) -> tuple[Remark, ...]:
         """On records and their target, on the building and its baselines, on unusual numbers, and on loops of laws.
 
-        Damping of a baseline is told of only where there is nothing to be said of the building.
+        Damping of a baseline is told of only where there is nothing to be said of the building, and its coordinates
+        where those of the building are not asked about.
         """
         bare = digest_of_run(self.arrangements[0])
         baselines = [arrangement for arrangement in self.arrangements if arrangement.row.kind == "baseline"]
         of_each = (self.building.remarks, *(baseline.building.damping_remarks for baseline in baselines))
+        of_baselines = (remark for each in baselines for remark in coordinate_remarks(each.building))
+        asked = [*of_baselines] if not any(coordinate_remarks(self.building)) else []
         same = (
             _SAME_BUILDING.remark(baseline.row.label)
             for baseline in baselines
@@ -341,7 +348,7 @@ class Study(Summarised):
             for label, law in self.laws
             for remark in law.remarks
         )
-        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.unusual, *of_laws)
+        return (*of_motions, *next(filter(None, of_each), ()), *asked, *same, *self.unusual, *of_laws)
 
     @property
     def at_zero(self) -> Arrangement:

@@ -143,8 +143,7 @@ def _known(results: StudyResults, name: str) -> Floats:
 
 def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
     """Bands of the score and of its ratios to i = 0 over the realisations of a study."""
-    off = results.row_of("passive_off")
-    bands = [bands_over(results, row, off) for row in rows]
+    bands = [bands_over(results, row, results.at_zero) for row in rows]
     return Table(
         label=f"Over {results.n_realisations} realisations: median, 90 % band of the score and of ratios over i = 0",
         columns=("", "Score", *(criterion(name).short for name in SCORE)),
@@ -187,8 +186,9 @@ def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
             return NOTHING
         return format_fixed(times_better(results, row, passive, names), 0)
 
+    over = "i = 0" if results.row_of("passive_off") is not None else "no actuators"
     table = Table(
-        label=f"Score (peak and RMS drift and acceleration over i = 0), mean over {results.motions.in_words}",
+        label=f"Score (peak and RMS drift and acceleration over {over}), mean over {results.motions.in_words}",
         columns=("", "Score"),
         rows=tuple((results.rows[row].label, format_fixed(results.score(row).mean, 3)) for row in rows),
         headings=rank_headings(comparison, rows),
@@ -280,6 +280,6 @@ def _tables(comparison: Comparison) -> Iterator[Table]:
         yield spread_table(comparison, [row for row in ranked if row in begun])
         if results.motions.groups:
             yield group_table(results, ranked)
-    if results.row_of("passive_off") in (realised := results.realised_rows):
+    if results.at_zero in (realised := results.realised_rows):
         yield bands_of_study(results, realised)
     yield step_table(results, begun)

@@ -10,12 +10,14 @@ import numpy as np
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.control.linear.margins import LoopMargins
-from mrwork.control.linear.plant import Plant
+from mrwork.control.linear.plant import Plant, hold_input
 
 # Coordinates times devices, or times four, up to which the loops of other readings are looked at, in a second.
 _MOST = 400
 # Least return difference of a regulator, but for the rounding of its gain, and one below which a gain is of none.
 _REGULATOR, _NO_REGULATOR = 0.995, 0.9
+# Part of displacements in a gain over that of velocities, in coordinates of the energy, below which it has hardly any.
+_HARDLY = 0.01
 _FREQUENCIES, _ROUNDING = 150, 1e-9
 # Places about each pole, in half widths of its resonance.
 _ABOUT = np.sinh(np.linspace(-4.0, 4.0, 15))
@@ -37,33 +39,50 @@ _HELD: Final = RemarkKind(
     "hardware",
     "shorten them, or take a smaller gain, as of a larger R",
 )
+_SAMPLED: Final = RemarkKind(
+    "gain_of_samples",
+    "the linear loop of the gain is stable in samples of {0} s, as that of a gain of `dlqr`, and not with continuous "
+    "forces: the gain holds for that sample time",
+)
 
 
 def gain_remarks(
-    plant: Plant, gain: Floats, *, given: bool = True, margins: LoopMargins | None = None
+    plant: Plant,
+    gain: Floats,
+    *,
+    given: bool = True,
+    margins: LoopMargins | None = None,
+    sample_time: float = 1e-3,
 ) -> Iterator[Remark]:
     """Remarks on the loop of a gain K of `f_c = -K s`, shape (n_devices, 2n): whether other readings fit better.
 
     A gain that is `given` may follow another convention. The one that is meant has a stable loop; that of a regulator
     with R in proportion to 1 has also a return difference `|1 + L|` of at least 1 at all frequencies, whatever
-    its weights (Kalman, J. Basic Eng. 86, 1964, 51-60), which other signs and orders seldom have. `margins` are
-    those of the loop with its hardware. Of 100 coordinates, or 400 coordinates times devices, and more there are none.
+    its weights (Kalman, J. Basic Eng. 86, 1964, 51-60), which other signs and orders seldom have. `margins` are those
+    of the loop with its hardware. Of 100 coordinates, or 400 coordinates times devices, and more there are none.
     """
     if plant.n_coordinates * max(plant.n_devices, 4) > _MOST or not (np.isfinite(gain).all() and gain.any()):
         return
     stable = _is_stable(plant, gain)
-    if given and not (stable and _return_difference(plant, gain) > _NO_REGULATOR):
+    is_sound = stable and _return_difference(plant, gain) > _NO_REGULATOR
+    x, v = np.hsplit(gain @ plant.scaling, 2)
+    is_swapped = is_sound and np.linalg.norm(x) < _HARDLY * np.linalg.norm(v)
+    if given and not stable and _is_stable(plant, gain, sample_time):
+        yield _SAMPLED.remark(f"{sample_time:g}")
+    elif given and (is_swapped or not is_sound):
         others = {
             words: _return_difference(plant, K) > _REGULATOR
             for words, K in _readings(plant, gain)
-            if _is_stable(plant, K)
+            if (words == _SWAPPED or not is_swapped)
+            and (_is_stable(plant, K) or (words == _PUSHES and _is_stable(plant, K, sample_time)))
         }
         # Where our loop is not stable, that of the other sign is named in any case, and every one if none is sure.
         named = [] if stable else [_PUSHES] if any(others.values()) else [*others]
         fitting = [words for words, is_regulator in others.items() if is_regulator or words in named]
         if fitting:
-            found = ("is no regulator", "is one") if stable else ("has an unstable loop", "has a stable one")
-            yield _CONVENTION.remark(*found, " or ".join(fitting))
+            words = ("is no regulator", "is one") if stable else ("has an unstable loop", "has a stable one")
+            words = ("is a regulator of velocities alone", "is one of both") if is_swapped else words
+            yield _CONVENTION.remark(*words, " or ".join(fitting))
         elif not stable:
             yield _UNSTABLE.remark()
     if stable and margins is not None and not margins.stable:
@@ -71,6 +90,7 @@ def gain_remarks(
 
 
 _PUSHES = "-K, which is K of `lqr` with forces that push the floors, B = [0; M^-1 D]"
+_SWAPPED = "velocities before displacements"
 
 
 def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
@@ -78,7 +98,7 @@ def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
     n, drifts = plant.n_coordinates, plant.building.drifts
     x, v = gain[:, :n], gain[:, n:]
     orders = {
-        "velocities before displacements": (v, x),
+        _SWAPPED: (v, x),
         "displacement and velocity of each coordinate by turns": (gain[:, ::2], gain[:, 1::2]),
         "the coordinates from the top down": (x[:, ::-1], v[:, ::-1]),
     }
@@ -95,11 +115,15 @@ def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
         yield f"the other sign of {name} alone", signs[:, None] * gain
 
 
-def _is_stable(plant: Plant, gain: Floats) -> bool:
-    T = plant.scaling
-    poles = np.linalg.eigvals(np.linalg.solve(T, (plant.A - plant.B @ gain) @ T))
+def _is_stable(plant: Plant, gain: Floats, sample_time: float = 0.0) -> bool:
+    """Whether the loop of a gain is stable, with continuous forces or in samples [s]."""
+    T, A, B = plant.scaling, plant.A, plant.B
+    if sample_time:
+        A, B = hold_input(A, B, sample_time)
+    poles = np.linalg.eigvals(np.linalg.solve(T, (A - B @ gain) @ T))
+    growth = np.abs(poles).max() - 1.0 if sample_time else poles.real.max() / np.abs(poles).max()
     # A mode without damping that no device moves is not the fault of a gain.
-    return bool(poles.real.max() < _ROUNDING * np.abs(poles).max())
+    return bool(growth < _ROUNDING)
 
 
 def _return_difference(plant: Plant, gain: Floats) -> float:

@@ -195,8 +195,13 @@ def design_law(
     margins = settings.margins(problem, design, () if spec.commands_force else problem.driver_rates)
     remarks: Iterable[Remark] = ()
     if isinstance(settings, RegulatorSettings):
-        given = settings.gain is not None
-        remarks = gain_remarks(problem.plant, design.gains["gain"], given=given, margins=margins)
+        remarks = gain_remarks(
+            problem.plant,
+            design.gains["gain"],
+            given=settings.gain is not None,
+            margins=margins,
+            sample_time=problem.sample_time,
+        )
     return ControlLaw(
         name=name,
         gains=design.gains,

@@ -160,9 +160,7 @@ def regulator_gains(
     }
     if cross_weight is not None:
         stacks["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
-    if scaling is not None:
-        stacks["scaling"] = _scaling(scaling, n)
-    return _solve(stacks, time, threads)
+    return _solve(stacks | _scaling(scaling, n), time, threads)
 
 
 def solve_riccati(
@@ -223,10 +221,11 @@ def kalman_gains(
     }
     if cross_noise is not None:
         stacks["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
-    if scaling is not None:
-        # The scaling of A' that corresponds to the scaling of A.
-        stacks["scaling"] = _transpose(np.linalg.inv(_scaling(scaling, n)).astype(np.float64))
-    dual = _solve(stacks, time, threads)
+    # The scaling of A' that corresponds to the scaling of A.
+    of_dual = {
+        name: _transpose(np.linalg.inv(T).astype(np.float64)) for name, T in _scaling(scaling, n).items()
+    }
+    dual = _solve(stacks | of_dual, time, threads)
     return RiccatiSolutions(gain=_transpose(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
 
@@ -268,9 +267,7 @@ def lyapunov_solutions(
         "state_weight": _stack("weight", weight, n, n),
         "control_weight": np.zeros((1, 0, 0)),
     }
-    if scaling is not None:
-        stacks["scaling"] = _scaling(scaling, n)
-    return _solve(stacks, time, threads)
+    return _solve(stacks | _scaling(scaling, n), time, threads)
 
 
 def _solve(stacks: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
@@ -440,11 +437,11 @@ def _transpose(matrices: Floats) -> Floats:
     return np.ascontiguousarray(np.swapaxes(matrices, 1, 2))
 
 
-def _scaling(matrix: ArrayLike, n: int) -> Floats:
-    scaling = _stack("scaling", matrix, n, n)
-    if np.any(np.linalg.slogdet(scaling)[0] == 0.0):
+def _scaling(matrix: ArrayLike | None, n: int) -> dict[str, Floats]:
+    stacks = {} if matrix is None else {"scaling": _stack("scaling", matrix, n, n)}
+    if any(np.any(np.linalg.slogdet(T)[0] == 0.0) for T in stacks.values()):
         raise SettingError("`scaling` is singular; give coordinates of the whole state")
-    return scaling
+    return stacks
 
 
 def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
