@@ -113,7 +113,7 @@ def refuse_same(names: Sequence[str], table: str, what: str, key: str) -> None:
 
 def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOfStudy]:
     with keyed("motion", bare.number):
-        if not bare.ground.acceleration.any():
+        if not (bare.ground.acceleration.any() or bare.ground.forces.any()):
             # Scores divide by the response at i = 0.
             raise SettingError(
                 f"motion {bare.ground.name!r} is zero throughout, and has no response; leave it out"
@@ -214,8 +214,10 @@ def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
         motion = resampled(motion, table.resample)
     if table.rest > 0.0:
         check_samples(motion.duration + table.rest, motion.dt)
-        longer = np.append(motion.acceleration, np.zeros(round(table.rest / motion.dt)))
-        motion = replace_samples(motion, longer, motion.dt, f"{table.rest:g} s at rest added")
+        added = round(table.rest / motion.dt)
+        longer, forces = np.pad(motion.acceleration, (0, added)), np.pad(motion.forces, ((0, 0), (0, added)))
+        change = f"{table.rest:g} s at rest added"
+        motion = replace_samples(motion, longer, motion.dt, change, forces=forces)
     return motion
 
 

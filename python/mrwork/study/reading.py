@@ -213,7 +213,9 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         with part(), keyed("hardware"):
             refuse_rate(devices, hardware.command_rate, "command_rate")
         with part():
-            if lacking := beyond_twin(building, devices, hardware):
+            if lacking := beyond_twin(
+                building, devices, hardware, motions=[motion.ground for motion in motions]
+            ):
                 raise InvalidSettingError(("damper", 0), lacking)
     chosen_on = tuple(motion.ground for motion in designed_on)
 

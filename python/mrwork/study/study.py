@@ -571,4 +571,4 @@ def _digest(numbers: ArrayLike) -> str:
 
 
 def _digest_of_motion(motion: GroundMotion) -> str:
-    return digest_of(motion.dt, motion.acceleration)
+    return digest_of(motion.dt, motion.acceleration, *[motion.forces] * bool(motion.forces.size))

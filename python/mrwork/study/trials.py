@@ -219,6 +219,11 @@ def _without_score(case: LoopCase) -> SimulationError:
     )
 
 
+def _as_acceleration(motion: GroundMotion, mass: float) -> Floats:
+    """Ground acceleration that pushes a building of this mass as much as a motion and its forces together [m/s^2]."""
+    return np.asarray(motion.acceleration - motion.forces.sum(axis=0) / mass)
+
+
 def magnitudes_of_runs(
     building: Building, motions: Sequence[GroundMotion], off: Runs, on: Runs, devices: Sequence[Device]
 ) -> Magnitudes:
@@ -249,7 +254,9 @@ def magnitudes_of_runs(
         force=middle(on.peak_force[0, :, 0]),
         stroke=stroke,
         rate=first * stroke,
-        ground=middle(np.array([motion.peak for motion in motions])),
+        ground=middle(
+            np.array([np.abs(_as_acceleration(motion, building.total_mass)).max() for motion in motions])
+        ),
         command=largest_command(devices),
         shares=sends_shares(devices),
     )
