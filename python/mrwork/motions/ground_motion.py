@@ -170,6 +170,11 @@ def replace_samples(
     return replace(motion, acceleration=acceleration, forces=forces, dt=dt, changes=(*motion.changes, change))
 
 
+def peak_push(motion: GroundMotion, mass: float) -> float:
+    """Largest ground acceleration that pushes a building of this mass as the motion and its forces do [m/s^2]."""
+    return float(np.abs(motion.acceleration - motion.forces.sum(axis=0) / mass).max())
+
+
 def refuse_floors(motion: GroundMotion, floors: Sequence[str]) -> None:
     """Refuse a motion whose forces are not on floors of these names."""
     if len(motion.forces) not in (0, len(floors)):
@@ -211,8 +216,11 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
 
     The accelerations are correlated where the two overlap, in absolute value, for shifts that leave half the energy of
     one motion and a tenth of the energy of the other in the overlap. Motions with different steps are also compared
-    sample by sample, which finds a copy with another time axis.
+    sample by sample, which finds a copy with another time axis. Forces over a ground at rest are compared as they are.
     """
+    if not (one.peak or other.peak) and one.forces.shape == other.forces.shape:
+        norms = float(np.linalg.norm(one.forces) * np.linalg.norm(other.forces))
+        return abs(float(np.vdot(one.forces, other.forces))) / norms if norms else 0.0
     correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
         correlation = max(correlation, _largest_correlation(one.acceleration, other.acceleration))

@@ -474,6 +474,8 @@ def check_suite(motions: Sequence[GroundMotion], target: TargetSpectrum, *, peri
     if not motions:
         raise SettingError("a suite has one motion or more, and here is none; give `motions`")
     target.acceleration(_range_of(period))
+    for each in motions:
+        refuse_forces(each, "a target")
     periods = _range_of(period, _MARGIN)
     periods = periods[(periods >= target.ends[0]) & (periods <= target.ends[1])]
     copies: dict[str, tuple[str, ...]] = {}

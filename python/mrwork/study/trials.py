@@ -35,6 +35,7 @@ from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError, SimulationError
 from mrwork.motions import GroundMotion
+from mrwork.motions.ground_motion import peak_push
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.course import LEVELS, ROUNDS, Course
@@ -219,11 +220,6 @@ def _without_score(case: LoopCase) -> SimulationError:
     )
 
 
-def _as_acceleration(motion: GroundMotion, mass: float) -> Floats:
-    """Ground acceleration that pushes a building of this mass as much as a motion and its forces together [m/s^2]."""
-    return np.asarray(motion.acceleration - motion.forces.sum(axis=0) / mass)
-
-
 def magnitudes_of_runs(
     building: Building, motions: Sequence[GroundMotion], off: Runs, on: Runs, devices: Sequence[Device]
 ) -> Magnitudes:
@@ -254,9 +250,7 @@ def magnitudes_of_runs(
         force=middle(on.peak_force[0, :, 0]),
         stroke=stroke,
         rate=first * stroke,
-        ground=middle(
-            np.array([np.abs(_as_acceleration(motion, building.total_mass)).max() for motion in motions])
-        ),
+        ground=middle(np.array([peak_push(motion, building.total_mass) for motion in motions])),
         command=largest_command(devices),
         shares=sends_shares(devices),
     )

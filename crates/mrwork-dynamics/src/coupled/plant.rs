@@ -324,8 +324,8 @@ impl<R: Lanes> OutOfLine for Pass<'_, '_, R> {
 }
 
 impl<R: Lanes> Plant<'_, R> {
-    /// Writes the accelerations at a stage; adds the work of the ground, of forces on floors and of the damping to the energies or, without
-    /// these, keeps their powers.
+    /// Writes the accelerations at a stage; adds the work of the ground, of forces on floors and of the damping to the
+    /// energies or, without these, keeps their powers.
     #[inline(always)]
     fn accelerate_at(&mut self, stage: usize, force: &[R], ground: &R, energies: Option<&mut Energies<R>>) {
         let Self { building, springs, resisting, elements, offset, on_floors, .. } = self;
