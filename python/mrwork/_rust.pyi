@@ -192,7 +192,7 @@ def respond(
     dampers: Sequence[Dampers],
     controller: Controller,
     hardware: Hardware,
-    motions: Sequence[tuple[float, _Floats]],
+    motions: Sequence[tuple[float, _Floats, _Floats]],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
     observer: Observer | None = None,

@@ -50,7 +50,8 @@ def work() -> None:
     drawn = [replace(each, theta=np.tile(each.draws, (2, 1))) for each in loop]
     fault = Fault(channel="force", start=0.01, end=0.03)
     hardware = Hardware(feedback="observer", acceleration_noise=0.1, faults=(fault,))
-    simulate_loop(frame, drawn, law, [sweep(0.04), sweep(0.03)], hardware, histories=True)
+    pushed = replace(sweep(0.04), forces=np.ones((3, sweep(0.04).n_time)))
+    simulate_loop(frame, drawn, law, [pushed, sweep(0.03)], hardware, histories=True)
     spec, signal = mr.damper("dahl"), 1e-3 * np.sin(np.arange(8.0))
     loading = mr.Loading(dt=0.01, displacement=signal, velocity=signal, command=signal**2, command_unit="A")
     history, theta = loading.history(), np.tile(spec.nominal, (3, 1))

@@ -139,8 +139,11 @@ def motion_calls(files: Path) -> Calls:
 
     target = motions.en_1998_spectrum(2.0, "B")
     yield call(
-        mr.GroundMotion, name="a", dt=0.01, acceleration=np.sin(np.arange(50.0)), source="", changes=("x",)
+        mr.GroundMotion,
+        **{"name": "a", "dt": 0.01, "acceleration": np.sin(np.arange(50.0)), "source": "", "changes": ("x",)},
+        forces=np.ones((2, 50)),
     )
+    yield call(motions.force_motion, forces=np.ones((2, 50)), dt=0.01, name="wind", source="tunnel")
     yield call(mr.read_motion, path=accelerogram(), unit="g", dt=0.02)
     yield call(mr.read_motions, paths=[accelerogram(True)], unit="g")
     values = {

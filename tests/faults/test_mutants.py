@@ -7,6 +7,7 @@ import re
 import warnings
 from collections.abc import Callable
 from contextlib import chdir
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from mrwork.buildings import read_building
 from mrwork.errors import MrworkError, MrworkWarning
 from mrwork.identification.fit_file import reopen
 from mrwork.motions import read_motion
+from mrwork.motions.forces import read_forces
 from mrwork.records import read_damper_test, read_test_table
 
 TOKENS = st.sampled_from(
@@ -144,6 +146,8 @@ def record(delimiter: str, point: str = ".") -> str:
     return "\n".join([delimiter.join(columns), *lines])
 
 
+FORCES = "time (s),roof (kN),deck\n" + "".join(f"{0.01 * n:.2f},{n % 7},{n % 5}\n" for n in range(40))
+
 FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "rig.csv": (record(","), read_damper_test),
     "10mm2Hz0x5A.dat": (record(";", ","), read_damper_test),
@@ -157,6 +161,7 @@ FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "a.ASC": ("\n".join(motion_files.esm_lines(GAL)), read_motion),
     "a.smc": ("\n".join(motion_files.smc_lines(GAL)), read_motion),
     "a.V2A": ("\n".join(motion_files.geonet_lines(GAL, "Corrected")), read_motion),
+    "wind.csv": (FORCES, partial(read_forces, floors=("deck", "roof"), shares=None, unit="N", dt=None)),
     "frame.toml": (BUILDING, read_building),
     "sample.toml": (files("mrwork.cli").joinpath("samples", "study.toml").read_text(), mr.read_study),
     "tuned.toml": (TUNED + tuning_samples.TUNE, mr.read_study),

@@ -412,6 +412,8 @@ pub(crate) struct Shears {
     pub(crate) mass: SparseRows,
     /// The same under unit motion of the ground [kg].
     pub(crate) pushed: Vec<f64>,
+    /// Motion of each floor with the drift of a storey and not with that of the next one.
+    pub(crate) floors: SparseRows,
     /// Share of each element.
     pub(crate) elements: SparseRows,
     /// Of these, the parts of the frame that yield.
@@ -451,11 +453,14 @@ impl Shears {
         }
         let carried = &between * mass;
         let pushed = &carried * DMatrix::from_column_slice(n, 1, matrices.influence);
+        let floors =
+            &between * DMatrix::from_row_slice(matrices.floors.len() / n, n, matrices.floors).transpose();
         Ok(Self {
             elements: SparseRows::of(&shares),
             yielding: SparseRows::of(&yielding),
             mass: SparseRows::of(&carried),
             pushed: pushed.as_slice().to_vec(),
+            floors: SparseRows::of(&floors),
             springs: matrices.storey_springs.to_vec(),
             heights: matrices.heights.to_vec(),
             has_heights: matrices.heights.iter().any(|&height| height > 0.0),

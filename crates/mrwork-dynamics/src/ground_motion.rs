@@ -1,21 +1,24 @@
-//! A ground motion: acceleration, linear between samples.
+//! A ground motion: acceleration and forces on floors, linear between samples.
 
 use crate::error::DynamicsError;
 
-/// Acceleration of the ground on a uniform grid; zero after its end.
+/// Acceleration of the ground on a uniform grid, and forces on floors on the same; zero after their end.
 #[derive(Clone, Debug)]
 pub struct GroundMotion {
     dt: f64,
     acceleration: Vec<f64>,
     /// Velocity at the samples [m/s], exact for the linear interpolation.
     velocity: Vec<f64>,
+    /// Forces on each floor at the samples [N]; empty for none.
+    forces: Vec<Vec<f64>>,
 }
 
 /// Part of a step below which the interval of a record is finer than the step; intervals may be rounded.
 const FINER: f64 = 0.999;
 
 /// A time among the samples.
-enum Place {
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Place {
     /// Between a sample and the next.
     Between { index: usize, fraction: f64 },
     /// At the last sample or after it.
@@ -44,7 +47,35 @@ impl GroundMotion {
             sum += 0.5 * dt * (pair[0] + pair[1]);
             velocity.push(sum);
         }
-        Ok(Self { dt, acceleration: acceleration.to_vec(), velocity })
+        Ok(Self { dt, acceleration: acceleration.to_vec(), velocity, forces: Vec::new() })
+    }
+
+    /// The same motion with forces on floors [N]: a history for each floor, with a sample for each of the acceleration.
+    ///
+    /// # Errors
+    /// If the samples are not as many as those of the acceleration, or one is not finite.
+    pub fn with_forces(self, forces: Vec<Vec<f64>>) -> Result<Self, DynamicsError> {
+        for samples in &forces {
+            let (found, expected) = (samples.len(), self.acceleration.len());
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name: "forces", found, expected });
+            }
+            if let Some(sample) = samples.iter().position(|value| !value.is_finite()) {
+                return Err(DynamicsError::NotFinite { name: "forces", sample });
+            }
+        }
+        Ok(Self { forces, ..self })
+    }
+
+    /// Number of floors on which there are forces.
+    pub(crate) fn n_forced(&self) -> usize {
+        self.forces.len()
+    }
+
+    /// Force on a floor at a place of [`GroundMotion::place`] [N].
+    #[inline]
+    pub(crate) fn force(&self, floor: usize, place: Place) -> f64 {
+        at(&self.forces[floor], place)
     }
 
     /// Time from the first sample to the last [s].
@@ -57,11 +88,7 @@ impl GroundMotion {
     #[must_use]
     #[inline]
     pub fn acceleration(&self, time: f64) -> f64 {
-        match self.place(time) {
-            Place::After { is_last: true } => self.acceleration[self.acceleration.len() - 1],
-            Place::After { is_last: false } => 0.0,
-            Place::Between { index, fraction } => self.between(index, fraction),
-        }
+        at(&self.acceleration, self.place(time))
     }
 
     /// Velocity at a time [m/s]; the last after the end.
@@ -71,7 +98,7 @@ impl GroundMotion {
         match self.place(time) {
             Place::After { .. } => self.velocity[self.velocity.len() - 1],
             Place::Between { index, fraction } => {
-                let mean = self.acceleration[index] + self.between(index, fraction);
+                let mean = self.acceleration[index] + between(&self.acceleration, index, fraction);
                 (0.5 * fraction * self.dt).mul_add(mean, self.velocity[index])
             }
         }
@@ -97,39 +124,21 @@ impl GroundMotion {
     /// over a step, it differs from the line by terms of second order, and M2 too: the error at a time is of fourth order.
     #[must_use]
     pub fn stages(&self, step: f64, count: usize) -> Option<Vec<[f64; 3]>> {
-        (self.dt < FINER * step).then(|| (0..count).map(|number| self.line(number, step / self.dt)).collect())
+        let lines = || (0..count).map(|number| line(&self.acceleration, number, step / self.dt)).collect();
+        (self.dt < FINER * step).then(lines)
     }
 
-    /// The line with the moments of the record over a step; its length is in samples.
-    fn line(&self, number: usize, length: f64) -> [f64; 3] {
-        let (start, end) = (to_f64(number) * length, to_f64(number + 1) * length);
-        let (mut mean, mut moment) = (0.0, 0.0);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // times are not negative
-        for index in (start as usize)..self.acceleration.len() - 1 {
-            let before = to_f64(index);
-            if before >= end {
-                break;
-            }
-            let (from, to) = (start.max(before), end.min(before + 1.0));
-            let (first, last) = (self.between(index, from - before), self.between(index, to - before));
-            let share = (to - from) / length;
-            let (left_first, left_last) = ((end - from) / length, (end - to) / length);
-            mean += 0.5 * share * (first + last);
-            moment += share / 6.0
-                * (first * (2.0 * left_first + left_last) + last * (left_first + 2.0 * left_last));
-        }
-        let half = 3.0 * mean - 6.0 * moment;
-        [mean - half, mean, mean + half]
+    /// Forces at start, middle and end of each of the first `count` steps, as [`GroundMotion::stages`]: of every step those
+    /// of all floors.
+    pub(crate) fn force_stages(&self, step: f64, count: usize) -> Option<Vec<[f64; 3]>> {
+        let length = step / self.dt;
+        let lines = |number| self.forces.iter().map(move |samples| line(samples, number, length));
+        (self.dt < FINER * step).then(|| (0..count).flat_map(lines).collect())
     }
 
+    /// Where a time is among the samples.
     #[inline]
-    fn between(&self, index: usize, fraction: f64) -> f64 {
-        let (start, end) = (self.acceleration[index], self.acceleration[index + 1]);
-        fraction.mul_add(end - start, start)
-    }
-
-    #[inline]
-    fn place(&self, time: f64) -> Place {
+    pub(crate) fn place(&self, time: f64) -> Place {
         let position = time / self.dt;
         let last = self.acceleration.len() - 1;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // times are not negative
@@ -141,6 +150,44 @@ impl GroundMotion {
         }
         Place::Between { index, fraction: position - to_f64(index) }
     }
+}
+
+/// A history at a place; zero after its end.
+#[inline]
+fn at(samples: &[f64], place: Place) -> f64 {
+    match place {
+        Place::After { is_last: true } => samples[samples.len() - 1],
+        Place::After { is_last: false } => 0.0,
+        Place::Between { index, fraction } => between(samples, index, fraction),
+    }
+}
+
+#[inline]
+fn between(samples: &[f64], index: usize, fraction: f64) -> f64 {
+    let (start, end) = (samples[index], samples[index + 1]);
+    fraction.mul_add(end - start, start)
+}
+
+/// The line with the moments of a history over a step; its length is in samples.
+fn line(samples: &[f64], number: usize, length: f64) -> [f64; 3] {
+    let (start, end) = (to_f64(number) * length, to_f64(number + 1) * length);
+    let (mut mean, mut moment) = (0.0, 0.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // times are not negative
+    for index in (start as usize)..samples.len() - 1 {
+        let before = to_f64(index);
+        if before >= end {
+            break;
+        }
+        let (from, to) = (start.max(before), end.min(before + 1.0));
+        let (first, last) = (between(samples, index, from - before), between(samples, index, to - before));
+        let share = (to - from) / length;
+        let (left_first, left_last) = ((end - from) / length, (end - to) / length);
+        mean += 0.5 * share * (first + last);
+        moment +=
+            share / 6.0 * (first * (2.0 * left_first + left_last) + last * (left_first + 2.0 * left_last));
+    }
+    let half = 3.0 * mean - 6.0 * moment;
+    [mean - half, mean, mean + half]
 }
 
 #[allow(clippy::cast_precision_loss)] // counts of samples are far below 2^53

@@ -194,7 +194,8 @@ type Responses<'py> = (
 /// Runs of a building in closed loop: summaries, shape (`n_runs`, width), outcomes, integration steps per sample, and, if
 /// requested, histories, one array per run.
 ///
-/// `motions` are pairs of the time step and the acceleration; `runs` has a row (candidate, motion, draw, varied damping and
+/// `motions` are the time step, the acceleration and, shape (floors, samples), forces on
+/// floors, of none with no row; `runs` has a row (candidate, motion, draw, varied damping and
 /// stiffness of the building, steps of delay beyond those of the hardware) for each run.
 /// The law commands the first `n_commanded` devices, by default all; the others hold their smallest command.
 /// `outside` is a law in Python that commands instead of that of the controller, see [`AskedLaw`].
@@ -212,7 +213,7 @@ pub fn respond<'py>(
     dampers: Vec<Py<Dampers>>,
     controller: &Controller,
     hardware: LoopHardware,
-    motions: Vec<(f64, PyReadonlyArray1<'py, f64>)>,
+    motions: Vec<(f64, PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>)>,
     runs: PyReadonlyArray2<'py, u32>,
     streams: PyReadonlyArray1<'py, u64>,
     observer: Option<&Observer>,
@@ -225,8 +226,11 @@ pub fn respond<'py>(
 ) -> PyResult<Responses<'py>> {
     let motions = motions
         .iter()
-        .map(|(dt, samples)| {
-            GroundMotion::new(*dt, contiguous("acceleration", samples)?).map_err(value_error)
+        .map(|(dt, samples, forces)| {
+            let motion = GroundMotion::new(*dt, contiguous("acceleration", samples)?).map_err(value_error)?;
+            let axes = [("floors", None), ("samples", Some(samples.len()))];
+            let rows = shaped("forces", forces, &axes)?.chunks_exact(samples.len());
+            motion.with_forces(rows.map(<[f64]>::to_vec).collect()).map_err(value_error)
         })
         .collect::<PyResult<Vec<_>>>()?;
     let hardware = hardware.dynamics()?;

@@ -99,7 +99,10 @@ class LoopOfRuns:
                 observer=None
                 if self.observer is None
                 else core_observer(self.observer, self.building, self.devices, self.hardware),
-                waves=[(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in self.motions],
+                waves=[
+                    (motion.dt, *map(np.ascontiguousarray, (motion.acceleration, motion.forces)))
+                    for motion in self.motions
+                ],
             )
 
 
@@ -110,7 +113,7 @@ class CoreLoop:
     loop: LoopOfRuns
     building: _rust.Building
     observer: _rust.Observer | None
-    # Pairs of a time step and an acceleration.
+    # Time step, acceleration, and forces on floors of each motion.
     waves: list[Any]
 
     def simulator(
@@ -175,7 +178,7 @@ class CoreLoop:
             ranges=np.array([_range_of(device) for device in loop.devices]),
             n_commanded=loop.n_commanded,
             law=law.name,
-            motions=self.waves,
+            motions=[wave[:2] for wave in self.waves],
             sample_time=hardware.sample_time,
             steps=hardware.steps,
             delay=hardware.delay_steps,

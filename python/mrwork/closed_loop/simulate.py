@@ -43,7 +43,7 @@ from mrwork.control.linear.plant import plant_of
 from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions.ground_motion import GroundMotion, refuse_floors
 from mrwork.store.codec import digest_of, plain
 from mrwork.workers.engine import Workers, cut_into_chunks, present_workers
 from mrwork.workers.kept_chunks import KeptChunks
@@ -175,6 +175,8 @@ def simulate_loop(
     refuse_rate(devices, hardware.command_rate, "command_rate")
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
+    for each in motions:
+        refuse_floors(each, building.floor_names)
     n_states = 2 * len(building.check().mass)
     gains = law.gain_rows(len(driven), n_states)
     if user is None and not (sends_forces(devices) and gains.size and not gains.any()):
@@ -192,7 +194,7 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     _check_commands(law, driven)
-    if lacking := beyond_twin(building, devices, hardware, name):
+    if lacking := beyond_twin(building, devices, hardware, name, motions):
         raise SettingError(lacking)
     theta = theta_of(devices)
     n_draws = len(theta[-1])

@@ -272,7 +272,7 @@ def loop(
             f"the loop in JAX sends its own commands to {list_names(held)}; leave out the `command` of the device, and "
             "give a table of commands for all"
         )
-    if lacking := lacking_in_twin(building, hardware, name):
+    if lacking := lacking_in_twin(building, hardware, name, [motion]):
         raise SettingError(
             f"the loop in JAX cannot have {', or '.join(lacking)}; simulate it by mr.simulate_loop"
         )

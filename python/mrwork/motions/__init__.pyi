@@ -1,5 +1,6 @@
 from .ground_motion import GroundMotion as GroundMotion
 from .ground_motion import baseline_corrected as baseline_corrected
+from .ground_motion import force_motion as force_motion
 from .ground_motion import resampled as resampled
 from .ground_motion import scaled as scaled
 from .ground_motion import scaled_to_peak as scaled_to_peak

@@ -74,6 +74,22 @@ _OFFSET: Final = RemarkKind(
 )
 
 
+# Peak forces of shakers, wind and crowds over the weight.
+_LEAST_SHARE, _MOST_SHARE = 1e-6, 10.0
+_FORCE: Final = RemarkKind(
+    "force_unusual",
+    "motion {0}: the peak of its forces is {value:.3g} N, {share:.3g} times the weight of the building",
+    "check the unit of the forces, as kN for N, and the masses",
+)
+
+
+def force_remarks(name: str, peak: float, weight: float) -> Iterator[Remark]:
+    """Remarks on the peak sum of forces on floors [N], zero for none, of a building of this weight [N]."""
+    share = peak / weight
+    if share and not _LEAST_SHARE <= share <= _MOST_SHARE:
+        yield _FORCE.remark(name, measured=Measured(peak, "N"), share=share)
+
+
 def motion_remarks(
     name: str, acceleration: Floats, velocity: Floats, dt: float, *, scaled: bool = False
 ) -> Iterator[Remark]:

@@ -1,4 +1,4 @@
-"""Ground motion: horizontal acceleration of the ground, sampled uniformly; its processing, and copies of one record.
+"""Ground motion: horizontal acceleration of the ground and forces on floors, sampled uniformly; processing, and copies.
 
 Each function of the processing returns a new motion; its `changes` state what was done.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.polynomial import Legendre
 
 from mrwork.base.arguments import AnyNumbers, May, Positive, checked
 from mrwork.base.hints import SMALLEST
+from mrwork.base.numbers import counted, in_newtons
 from mrwork.base.plotted import Plotted
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
@@ -29,6 +30,8 @@ from mrwork.motions.examination import motion_remarks, refuse_absurd
 class GroundMotion(Plotted, Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
 
+    `forces` [N], shape (n_floors, n_time), empty by default, act on the floors of a building at the same times, linear
+    between samples and zero after the last; both may act at once. `force_motion` has forces over a ground at rest.
     `source` states its origin; `changes` lists the processing since, in order. `groups` name what it has in common with
     others, such as its soil; tables of a study have the score of each group.
     """
@@ -41,9 +44,10 @@ class GroundMotion(Plotted, Summarised):
     source: str = ""
     changes: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
+    forces: AnyNumbers = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
-        keep_arrays(self, "acceleration")
+        keep_arrays(self, "acceleration", "forces")
         if self.acceleration.ndim != 1 or self.acceleration.size < 2:
             raise RecordError(
                 f"ground motion {self.name}: a record of {self.acceleration.size} samples; give two or more"
@@ -53,6 +57,18 @@ class GroundMotion(Plotted, Summarised):
             raise RecordError(f"ground motion {self.name}: sample {first} is not a finite number")
         if not (np.isfinite(self.dt) and self.dt >= SMALLEST):
             raise RecordError(f"ground motion {self.name}: its step is {self.dt} s; give a positive number")
+        if not self.forces.size:
+            object.__setattr__(self, "forces", np.empty((0, self.n_time)))
+        if self.forces.ndim != 2 or self.forces.shape[1] != self.n_time:
+            raise RecordError(
+                f"ground motion {self.name}: its forces have shape {self.forces.shape}, and its acceleration "
+                f"{self.n_time} samples; give the forces a row for each floor, and as many samples"
+            )
+        if not np.isfinite(self.forces).all():
+            floor, first = np.argwhere(~np.isfinite(self.forces))[0]
+            raise RecordError(
+                f"ground motion {self.name}: sample {first} of the force on floor {floor + 1} is not a finite number"
+            )
 
     @property
     def n_time(self) -> int:
@@ -63,6 +79,11 @@ class GroundMotion(Plotted, Summarised):
     def peak(self) -> float:
         """Largest magnitude of the ground acceleration [m/s^2]."""
         return float(np.abs(self.acceleration).max())
+
+    @property
+    def peak_force(self) -> float:
+        """Largest magnitude of the sum of the forces on the floors [N], zero without any."""
+        return float(np.abs(self.forces.sum(axis=0)).max())
 
     @property
     def duration(self) -> float:
@@ -99,7 +120,8 @@ class GroundMotion(Plotted, Summarised):
         return Summary(
             title=f"Ground motion {self.name}",
             facts=(
-                ("peak", f"{self.peak:.4g} m/s^2"),
+                *[("peak", f"{self.peak:.4g} m/s^2")] * bool(self.peak or not self.forces.size),
+                *[("peak of the forces", in_newtons(self.peak_force))] * bool(self.forces.size),
                 ("duration", f"{self.duration:.5g} s, {self.n_time} samples every {self.dt:.6g} s"),
                 ("source", self.source),
                 ("changes", "; ".join(self.changes) or "none"),
@@ -110,12 +132,75 @@ class GroundMotion(Plotted, Summarised):
 
 def examined(motion: GroundMotion, *, scaled: bool) -> tuple[Remark, ...]:
     """The `remarks` of a motion; of one that is to be scaled to an intensity, none on its size."""
+    if motion.forces.size and not motion.peak:
+        return ()
     return tuple(motion_remarks(motion.name, motion.acceleration, motion.velocity, motion.dt, scaled=scaled))
 
 
-def replace_samples(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
-    """Return the motion with other samples and one more entry in `changes`."""
-    return replace(motion, acceleration=acceleration, dt=dt, changes=(*motion.changes, change))
+@checked
+def force_motion(forces: AnyNumbers, dt: float, *, name: str = "forces", source: str = "") -> GroundMotion:
+    """Forces on the floors of a building [N], as of a shaker or the wind, over a ground at rest.
+
+    Parameters
+    ----------
+    forces
+        Force on each floor in the direction of its displacement [N], shape (n_floors, n_time), linear between samples
+        and zero after the last.
+    dt
+        Step of the samples [s].
+
+    Examples
+    --------
+    >>> force_motion([[0.0, 0.0, 0.0], [0.0, 2e3, 0.0]], 0.01).peak_force
+    2000.0
+    """
+    rows = np.asarray(forces, dtype=np.float64)
+    if rows.ndim != 2 or not rows.size:
+        raise RecordError(
+            f"{name}: the forces have shape {rows.shape}; give a row of samples for each floor, zeros where none acts"
+        )
+    return GroundMotion(name=name, dt=dt, acceleration=np.zeros(rows.shape[1]), source=source, forces=rows)
+
+
+def replace_samples(
+    motion: GroundMotion, acceleration: Floats, dt: float, change: str, *, forces: Floats | None = None
+) -> GroundMotion:
+    """Return the motion with other samples, and forces or its own, and one more entry in `changes`."""
+    forces = motion.forces if forces is None else forces
+    return replace(motion, acceleration=acceleration, forces=forces, dt=dt, changes=(*motion.changes, change))
+
+
+def peak_push(motion: GroundMotion, mass: float) -> float:
+    """Largest ground acceleration that pushes a building of this mass as the motion and its forces do [m/s^2]."""
+    return float(np.abs(motion.acceleration - motion.forces.sum(axis=0) / mass).max())
+
+
+def refuse_floors(motion: GroundMotion, floors: Sequence[str]) -> None:
+    """Refuse a motion whose forces are not on floors of these names."""
+    if len(motion.forces) not in (0, len(floors)):
+        raise SettingError(
+            f"ground motion {motion.name} has forces on {counted(len(motion.forces), 'floor')}, and the building "
+            f"{counted(len(floors), 'floor')}, {list_names(floors)}; give a row for each, zeros where no force acts"
+        )
+
+
+def on_floors(motion: GroundMotion, own: Sequence[str], floors: Sequence[str]) -> GroundMotion:
+    """The motion with its forces, which are on the floors `own`, among `floors`, to which a building may add some."""
+    if not motion.forces.size or own == floors:
+        return motion
+    refuse_floors(motion, own)
+    forces = np.zeros((len(floors), motion.n_time))
+    forces[[*map(floors.index, own)]] = motion.forces
+    return replace(motion, forces=forces)
+
+
+def refuse_forces(motion: GroundMotion, what: str) -> None:
+    """Refuse what is done to an accelerogram, and would leave out the forces of a motion."""
+    if motion.forces.size:
+        raise SettingError(
+            f"ground motion {motion.name}: {what} is of ground accelerations, and it has forces on floors; scale it by "
+            "a `factor`, or leave this out"
+        )
 
 
 # Copies that were cut, corrected, resampled or scaled have 0.95 or more. Different motions have less: up to 0.45 among
@@ -131,8 +216,11 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
 
     The accelerations are correlated where the two overlap, in absolute value, for shifts that leave half the energy of
     one motion and a tenth of the energy of the other in the overlap. Motions with different steps are also compared
-    sample by sample, which finds a copy with another time axis.
+    sample by sample, which finds a copy with another time axis. Forces over a ground at rest are compared as they are.
     """
+    if not (one.peak or other.peak) and one.forces.shape == other.forces.shape:
+        norms = float(np.linalg.norm(one.forces) * np.linalg.norm(other.forces))
+        return abs(float(np.vdot(one.forces, other.forces))) / norms if norms else 0.0
     correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
         correlation = max(correlation, _largest_correlation(one.acceleration, other.acceleration))
@@ -230,7 +318,10 @@ def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     """Multiply the acceleration of a motion by `factor`."""
     if factor == 0.0:
         raise SettingError(f"ground motion {motion.name}: scaled by 0; give another factor")
-    return replace_samples(motion, factor * motion.acceleration, motion.dt, f"acceleration x {factor:.6g}")
+    scales = "forces" if motion.forces.size and not motion.peak else "acceleration"
+    scales += " and forces" * bool(motion.forces.size and motion.peak)
+    change, forces = f"{scales} x {factor:.6g}", factor * motion.forces
+    return replace_samples(motion, factor * motion.acceleration, motion.dt, change, forces=forces)
 
 
 @checked
@@ -241,6 +332,7 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
 
 def scaled_level(motion: GroundMotion, found: float, value: float, words: str) -> GroundMotion:
     """Scale a motion from the intensity `found`, called by these words, to another value [m/s^2]."""
+    refuse_forces(motion, words)
     if not value > 0.0:
         raise SettingError(
             f"ground motion {motion.name}: {words} of {value} m/s2 was requested; give a positive one"
@@ -285,7 +377,9 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
     if (first, last) == (0, motion.n_time - 1):
         return motion
     change = f"cut to {first * motion.dt:.6g} to {last * motion.dt:.6g} s"
-    return replace_samples(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
+    kept = slice(first, last + 1)
+    acceleration, forces = motion.acceleration[kept].copy(), motion.forces[:, kept].copy()
+    return replace_samples(motion, acceleration, motion.dt, change, forces=forces)
 
 
 # Of a motion, and bytes of each in the arrays of a Fourier transform.
@@ -317,9 +411,14 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
         )
     check_samples(motion.duration, dt)
     n_time = math.floor(motion.duration / dt * (1.0 + 1e-12) + 1e-9) + 1
-    acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
+    at, time = dt * np.arange(n_time), motion.time
+    forces = np.array([np.interp(at, time, force) for force in motion.forces])
     result = replace_samples(
-        motion, acceleration, dt, f"resampled from {motion.dt:.6g} to {dt:.6g} s, straight between"
+        motion,
+        np.interp(at, time, motion.acceleration),
+        dt,
+        f"resampled from {motion.dt:.6g} to {dt:.6g} s, straight between",
+        forces=forces,
     )
     off = np.abs(result.velocity - np.interp(result.time, motion.time, motion.velocity)).max()
     if off > _LOST * np.abs(motion.velocity).max():
@@ -346,6 +445,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
         Order of the polynomial, 0 to 10, fitted to the acceleration by least squares: 0 removes the mean, 1 a straight
         line. The corresponding drift of the velocity is one order higher.
     """
+    refuse_forces(motion, "a baseline")
     highest = min(HIGHEST_ORDER, motion.n_time - 2)
     if not 0 <= order <= highest:
         raise SettingError(f"ground motion {motion.name}: baseline of order {order}; give 0 to {highest}")

@@ -166,7 +166,7 @@ def motion_of_columns(
     if time.size > 3 and acceleration[-1] == 0.0 and last > max(_PADDING, _PADDING_STEPS * others):
         padding = f"last point dropped: zero at {time[-1]:g} s, {last:g} s behind the others, is padding"
         time, acceleration = time[:-1], acceleration[:-1]
-    dt, acceleration, change = _on_one_step(time, acceleration, where)
+    dt, acceleration, change = on_one_step(time, acceleration, where)
     # Records of one step often begin after it.
     begins = abs(time[0]) > 1.5 * dt
     counted = f"times begin at {time[0]:g} s in the file, and are counted from 0 s" if begins else ""
@@ -174,9 +174,7 @@ def motion_of_columns(
     return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=changes)
 
 
-def _on_one_step(
-    time: Floats, acceleration: Floats, where: Callable[[int], str]
-) -> tuple[float, Floats, str]:
+def on_one_step(time: Floats, acceleration: Floats, where: Callable[[int], str]) -> tuple[float, Floats, str]:
     """Step [s], samples, and a description of the change."""
     steps, _, regular = regular_steps(time)
     if regular.all():

@@ -156,7 +156,7 @@ def _motion_of_table(
         )
     columns = table.read([name] if time is None else [time, name])
     if time is not None:
-        times = _seconds(table, time, source)
+        times = seconds_of(table, time, source)
     elif dt is not None and SMALLEST <= dt < np.inf:
         times = dt * np.arange(columns[name].size, dtype=np.float64)
     else:
@@ -195,12 +195,12 @@ def _time_for(
             "rename one"
         )
     if dt is not None and len(times_of) > 1:
-        steps = {time: float(np.diff(_seconds(table, time, source)).mean()) for time in times_of}
+        steps = {time: float(np.diff(seconds_of(table, time, source)).mean()) for time in times_of}
         return min(steps, key=lambda time: abs(steps[time] - dt))
     return next(iter(times_of), None)
 
 
-def _seconds(table: ColumnTable, time: str, source: str) -> Floats:
+def seconds_of(table: ColumnTable, time: str, source: str) -> Floats:
     """Times of a column [s]; one without a unit is in seconds."""
     unit = unit_in_name("time", time) or table.units.get(time, "")
     unit = "s" if unit.casefold() in _SECONDS else unit

@@ -16,9 +16,17 @@ from mrwork.base.numbers import format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled, scaled_level
+from mrwork.motions.ground_motion import (
+    GroundMotion,
+    refuse_forces,
+    replace_samples,
+    resampled,
+    scaled,
+    scaled_level,
+)
 
 Complexes = NDArray[np.complex128]
 Ratio = Annotated[float, Within(least=0.0, below=1.0)]
@@ -163,13 +171,15 @@ def _largest(z: Complexes, eigenvalue: Complexes, w: Floats, zeta: float) -> Flo
     return np.array([np.abs(peak).max(axis=0) for peak in (displacement, velocity, acceleration)])
 
 
-Measure = Literal["pga", "sa"]
-"""Measure of intensity: peak ground acceleration, or spectral acceleration Sa."""
+Measure = Literal["pga", "sa", "force"]
+"""Measure of intensity: peak ground acceleration, spectral acceleration Sa, or the peak sum of forces on floors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intensity:
     """Intensity of a ground motion [m/s^2]; of the measure "sa" at an undamped period [s] and a damping ratio.
+
+    Of the measure "force" it is in newtons.
 
     Sa is the pseudo-acceleration `(2 pi / T)^2` times the peak displacement of the oscillator.
     """
@@ -182,9 +192,21 @@ class Intensity:
     @property
     def name(self) -> str:
         """The measure in words, such as "Sa(0.8 s, 5 %)"."""
+        if self.measure == "force":
+            return "Peak force"
         if self.period is None or self.damping_ratio is None:
             return "PGA"
         return f"Sa({self.period:.3g} s, {100.0 * self.damping_ratio:.3g} %)"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value."""
+        return "N" if self.measure == "force" else "m/s^2"
+
+    @property
+    def shown(self) -> tuple[str, float]:
+        """Unit in which tables have it, and the factor to that unit."""
+        return ("kN", 1e-3) if self.measure == "force" else ("g", 1.0 / STANDARD_GRAVITY)
 
 
 def spectral_intensity(motion: GroundMotion, period: float, damping: float) -> Intensity:
@@ -307,6 +329,7 @@ class ShakeTable:
         """The command after the low-pass, exact for a command that runs straight between its samples."""
         from scipy.signal import lfilter  # slow to load
 
+        refuse_forces(motion, "a shake table")
         times = max(1, math.ceil(_TABLE_STEPS * self.bandwidth * motion.dt * (1.0 - 1e-9)))
         command = resampled(motion, motion.dt / times) if times > 1 else motion
         w = 2.0 * np.pi * self.bandwidth

@@ -20,7 +20,13 @@ from mrwork.base.table import Column, Table
 from mrwork.base.units import RATIOS, STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion, copies_among, copies_remarks, replace_samples
+from mrwork.motions.ground_motion import (
+    GroundMotion,
+    copies_among,
+    copies_remarks,
+    refuse_forces,
+    replace_samples,
+)
 from mrwork.motions.spectrum import Ratio, response_spectrum
 
 Ground = Literal["A", "B", "C", "D", "E"]
@@ -278,6 +284,7 @@ def scaled_to_target(
         raise SettingError(
             f"`by` is {by!r}, which takes a period; give `period`, the first one of the building [s]"
         )
+    refuse_forces(motion, "a target")
     if motion.peak == 0.0:
         raise SettingError(
             f"ground motion {motion.name}: is zero throughout and cannot be scaled to a target"
@@ -467,6 +474,8 @@ def check_suite(motions: Sequence[GroundMotion], target: TargetSpectrum, *, peri
     if not motions:
         raise SettingError("a suite has one motion or more, and here is none; give `motions`")
     target.acceleration(_range_of(period))
+    for each in motions:
+        refuse_forces(each, "a target")
     periods = _range_of(period, _MARGIN)
     periods = periods[(periods >= target.ends[0]) & (periods <= target.ends[1])]
     copies: dict[str, tuple[str, ...]] = {}

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mrwork.base.arguments import Whole
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
-from mrwork.closed_loop.responses import COMMAND_UNIT, History, quantity_named
+from mrwork.closed_loop.responses import COMMAND_UNIT, History, Quantity, quantity_named
 from mrwork.dampers.simulation import Amplitude, Frequency, simulate_force, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
@@ -69,7 +69,7 @@ def histories(
     unit: str | None = None,
     legend: bool = True,
 ) -> Axes:
-    """Force of a test and its model over time; a signal of a closed loop; a ground acceleration.
+    """Force of a test and its model over time; a signal of a closed loop; a ground acceleration, or forces on floors.
 
     Parameters
     ----------
@@ -274,13 +274,17 @@ def commands(
     return finished(axes, "Time (s)", with_unit("Command", symbol), legend=legend)
 
 
+_FORCES = Quantity(name="forces", axis="floor", unit="N", description="force on the floor")
+
+
 def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, legend: bool) -> Axes:
-    """A ground acceleration, or a signal of a closed loop at every storey, floor or damper."""
+    """A ground acceleration, forces, or a signal of a closed loop at every storey, floor or damper."""
     if isinstance(result, GroundMotion):
-        signal = "ground_acceleration"
-        result = History(time=result.time, numbers={signal: np.asarray(result.acceleration)})
+        signal = "forces" if result.forces.size and not result.peak else "ground_acceleration"
+        numbers = {"forces": result.forces.T, "ground_acceleration": result.acceleration}
+        result = History(time=result.time, numbers={signal: np.asarray(numbers[signal])})
     check_known(signal, result.numbers, f"a history has no signal {signal!r}")
-    of = quantity_named(signal)
+    of = _FORCES if signal == "forces" else quantity_named(signal)
     values = np.asarray(result.numbers[signal])
     axes, unit = axes_for(ax), shown_unit_of(of.unit, _largest(values))
     columns = values.reshape(len(values), -1).T * unit.factor

@@ -403,6 +403,11 @@ def fragility(
             f"the study was interrupted: {results.done} of {results.total} runs are done, and a record without its "
             "runs would look safe; finish it with --resume"
         )
+    if forced := next((motion.name for motion in results.motions if motion.peak_force), None):
+        raise SettingError(
+            f"a fragility is over intensities of the ground, and motion {forced!r} has forces on floors; leave that "
+            "motion out of the study"
+        )
     limits = limit if limit is not None else results.limit or COLLAPSE
     ((name, value),) = limit_of(limits, results.command_unit, results.building.scales).items()
     at = results.motions.by_record
@@ -496,7 +501,8 @@ def fragilities_of(
         label: "uncontrolled" if label == "uncontrolled" else "controller" for label in responses
     }
     places = np.zeros(shape, dtype=np.int64)
-    of_levels = RecordLevels(records=numbered(count), measures=(measure,), levels=at, places=places)
+    records = numbered(count)
+    of_levels = RecordLevels(records=records, measures=(measure,), unit="m/s^2", levels=at, places=places)
     found = Fragilities(criterion=criterion, limit=limit, unit=criterion_named(criterion).unit, level=level)
     outside = np.where(np.isnan(stacked) & ~flags, np.nan, 0.0)
     return _with_rows(found, kinds, of_levels, np.array(stacked), outside, seed)

@@ -31,7 +31,7 @@ _ENOUGH: Final = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionFacts:
-    """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record and intensity.
+    """A motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record, intensity, force [N].
 
     The intensity is in the measure that the motion was scaled to, else its peak. `level` is what it was scaled to in
     words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a copy of.
@@ -49,12 +49,13 @@ class MotionFacts:
     intensity: Intensity
     level: str = ""
     copy_of: str = ""
+    peak_force: NotNegative = 0.0
 
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
         """The facts of a motion of a study."""
         return MotionFacts(
-            **named(motion.ground, "name", "peak", "duration", "source", "changes", "groups"),
+            **named(motion.ground, "name", "peak", "peak_force", "duration", "source", "changes", "groups"),
             **named(motion, "synthetic", "use", "record", "intensity", "copy_of"),
             level=motion.level_in_words,
         )
@@ -66,13 +67,14 @@ _DECIMALS = 9
 
 @array_dataclass()
 class RecordLevels:
-    """Records by name with rising `levels` of intensity [m/s^2], which is in one of the `measures`, in words.
+    """Records by name with rising `levels` of intensity in a `unit`, which is in one of the `measures`, in words.
 
     `places` are the indices of the motion of each record at each level, shape (n_records, n_levels), -1 without one.
     """
 
     records: tuple[str, ...]
     measures: tuple[str, ...]
+    unit: str
     levels: Floats
     places: NDArray[np.int64]
 
@@ -137,7 +139,8 @@ class JudgedMotions(Sequence[MotionFacts]):
         for (number, record), column in zip(records.items(), columns, strict=True):
             places[names.index(record), column] = number
         measures = tuple(dict.fromkeys(intensity.name for intensity in intensities))
-        return RecordLevels(records=names, measures=measures, levels=levels, places=places)
+        unit = intensities[0].unit if intensities else "m/s^2"
+        return RecordLevels(records=names, measures=measures, unit=unit, levels=levels, places=places)
 
     @property
     def groups(self) -> dict[str, list[int]]:

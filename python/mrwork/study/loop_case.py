@@ -21,6 +21,7 @@ from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.motions.ground_motion import on_floors
 from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.runs import Runs, candidate_axes, numbered, runs_of
 from mrwork.study.study import Arrangement, Study, StudyLaw
@@ -83,7 +84,10 @@ class LoopCase:
             varied or building,
             devices,
             law,
-            self.motions,
+            [
+                on_floors(each, self.arrangement.bare.floor_names, building.floor_names)
+                for each in self.motions
+            ],
             hardware,
             histories=histories,
             step_factor=step_factor,

@@ -21,7 +21,8 @@ from mrwork.base.summary import named
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions import GroundMotion
-from mrwork.motions.examination import refuse_absurd
+from mrwork.motions.examination import force_remarks, refuse_absurd
+from mrwork.motions.forces import read_forces, shares_of
 from mrwork.motions.ground_motion import (
     baseline_corrected,
     check_samples,
@@ -29,6 +30,7 @@ from mrwork.motions.ground_motion import (
     examined,
     is_copy,
     likeness,
+    refuse_floors,
     replace_samples,
     resampled,
     scaled,
@@ -51,9 +53,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aims:
-    """What motions are scaled to: periods of the building without dampers and of the target, if there is one [s]."""
+    """What motions are scaled to: periods of the building without dampers and of the target, if there is one [s].
+
+    Forces are compared with the `weight` of the building [N].
+    """
 
     first_period: float
+    weight: float
     target_period: float
     target: TargetSpectrum | None = None
 
@@ -69,8 +75,16 @@ class BareMotion:
     remarks: tuple[Remark, ...]
 
 
-def bare_motions(table: MotionTable, number: int, folder: Path, seed: int) -> list[BareMotion]:
-    """The motions of a table, of this number, before they are scaled; names of files are relative to `folder`."""
+def bare_motions(
+    table: MotionTable, number: int, folder: Path, seed: int, floors: Sequence[str]
+) -> list[BareMotion]:
+    """The motions of a table, of this number, before they are scaled; names of files are relative to `folder`.
+
+    Forces are on the `floors` of the building.
+    """
+    grounds = [*_grounds(table, folder, seed, floors)]
+    for ground, _ in grounds:
+        refuse_floors(ground, floors)
     return [
         BareMotion(
             ground=_process(ground, table),
@@ -79,7 +93,7 @@ def bare_motions(table: MotionTable, number: int, folder: Path, seed: int) -> li
             file=file,
             remarks=_record_remarks(ground, table),
         )
-        for ground, file in _grounds(table, folder, seed)
+        for ground, file in grounds
     ]
 
 
@@ -113,7 +127,7 @@ def refuse_same(names: Sequence[str], table: str, what: str, key: str) -> None:
 
 def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOfStudy]:
     with keyed("motion", bare.number):
-        if not bare.ground.acceleration.any():
+        if not (bare.ground.acceleration.any() or bare.ground.forces.any()):
             # Scores divide by the response at i = 0.
             raise SettingError(
                 f"motion {bare.ground.name!r} is zero throughout, and has no response; leave it out"
@@ -130,7 +144,7 @@ def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOf
             intensity=intensity,
             factor=factor,
             copy_of=copy_of,
-            remarks=bare.remarks,
+            remarks=(*bare.remarks, *force_remarks(ground.name, ground.peak_force, aims.weight)),
         )
         for ground, intensity, factor in scaled
     ]
@@ -145,7 +159,9 @@ def _record_remarks(ground: GroundMotion, table: MotionTable) -> tuple[Remark, .
     return examined(replace(ground, acceleration=factor * ground.acceleration), scaled=is_scaled)
 
 
-def _grounds(table: MotionTable, folder: Path, seed: int) -> Iterator[tuple[GroundMotion, Path | None]]:
+def _grounds(
+    table: MotionTable, folder: Path, seed: int, floors: Sequence[str]
+) -> Iterator[tuple[GroundMotion, Path | None]]:
     file, seed, step = table.file, seed + table.seed, table.dt or _SYNTHETIC_STEP
     if isinstance(file, str):
         stated = Stated(**named(table, "unit", "dt", "column", "channel"))
@@ -155,6 +171,13 @@ def _grounds(table: MotionTable, folder: Path, seed: int) -> Iterator[tuple[Grou
                 motion = motion_of_file(path, stated)
                 name = table.name if len(paths) == 1 else f"{table.name}, {motion.name}"
                 yield replace(motion, name=name) if table.name else motion, path.resolve()
+    elif table.force is not None:
+        path = folder / table.force
+        with keyed("floor" if table.shape is None else "shape"):
+            shares = shares_of(floors, table.floor, table.shape)
+        with keyed("force"):
+            motion = read_forces(path, floors, shares=shares, **named(table, "unit", "dt"))
+        yield replace(motion, name=table.name or motion.name), path.resolve()
     elif isinstance(file, GroundMotion):
         yield replace(file, name=table.name or file.name), None
     elif table.suite is not None:
@@ -165,10 +188,15 @@ def _grounds(table: MotionTable, folder: Path, seed: int) -> Iterator[tuple[Grou
         duration = table.duration or _SYNTHETIC_DURATION
         name = table.name or table.synthetic.replace("_", "-").title()
         yield synthetic_motion(_spectrum(table), rng=seed, duration=duration, dt=step, name=name), None
-    else:
+    elif table.forces is None:
         size = factor_to_si(table.unit or "m/s2", "acceleration", context="unit")
         samples = size * np.array(table.acceleration)
         yield GroundMotion(name=table.name or "motion", dt=step, acceleration=samples), None
+    else:
+        with keyed("forces"):
+            forces = factor_to_si(table.unit or "N", "force", context="unit") * np.array(table.forces)
+            still = np.zeros(forces.shape[-1]) if table.acceleration is None else np.array(table.acceleration)
+            yield GroundMotion(name=table.name or "forces", dt=step, acceleration=still, forces=forces), None
 
 
 def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
@@ -214,8 +242,10 @@ def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
         motion = resampled(motion, table.resample)
     if table.rest > 0.0:
         check_samples(motion.duration + table.rest, motion.dt)
-        longer = np.append(motion.acceleration, np.zeros(round(table.rest / motion.dt)))
-        motion = replace_samples(motion, longer, motion.dt, f"{table.rest:g} s at rest added")
+        added = round(table.rest / motion.dt)
+        longer, forces = np.pad(motion.acceleration, (0, added)), np.pad(motion.forces, ((0, 0), (0, added)))
+        change = f"{table.rest:g} s at rest added"
+        motion = replace_samples(motion, longer, motion.dt, change, forces=forces)
     return motion
 
 
@@ -233,6 +263,8 @@ def _scale(
         period = None if table.scale_to == "pga" else aims.target_period
         motion = scaled_to_target(motion, aims.target, by=table.scale_to, period=period)
     intensity = Intensity(measure="pga", value=motion.peak)
+    if motion.forces.size and not motion.peak:
+        intensity = Intensity(measure="force", value=motion.peak_force)
     if period is not None:
         intensity = spectral_intensity(motion, period, damping)
     factors, values = _several(table.factor), _several(table.pga) or _several(table.sa)

@@ -23,6 +23,7 @@ from mrwork.base.numbers import in_newtons, of_unit, significant
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.remark import Remark
 from mrwork.base.summary import list_names
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
 from mrwork.buildings.device import Device
 from mrwork.buildings.from_file import BuildingTable
@@ -34,6 +35,7 @@ from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.responses import command_unit_of
 from mrwork.control.laws.law_problem import DesignProblem, ReferencePeaks
 from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.motions.ground_motion import peak_push
 from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines
@@ -111,7 +113,9 @@ class _Found:
             case DamperTable(), _:
                 self.dampers.append(chosen_damper(table, self.folder, self.identified))
             case MotionTable(), (_, int(number)):
-                self.records += bare_motions(table, number, self.folder, self.seed)
+                if self.bare is not None:
+                    floors = self.bare.floor_names
+                    self.records += bare_motions(table, number, self.folder, self.seed, floors)
             case LawFileTable(file=str(file)), _:
                 path, where = self.folder / file, place.within("file")
                 self.on_python(f"{where}: running {path} as Python, for its function {table.function}")
@@ -181,7 +185,12 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
     bare, hardware = condensed_for(inputs.bare, table), replace(table.hardware, seed=inputs.seed)
     first = float(bare.periods[0])
     period = None if table.target is None else table.target.given.get("period")
-    aims = Aims(first_period=first, target=inputs.target, target_period=period or first)
+    aims = Aims(
+        first_period=first,
+        weight=STANDARD_GRAVITY * bare.total_mass,
+        target=inputs.target,
+        target_period=period or first,
+    )
     with all_mistakes() as part:
         with part():
             building, devices = equip_building(bare, table.damper, [device for device, _ in inputs.dampers])
@@ -203,7 +212,7 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         with part():
             checked_suite = _check_suite(aims, motions)
         with part():
-            detailed = _choose_detailed(table, motions)
+            detailed = _choose_detailed(table, motions, bare)
         with part():
             designed_on, levels = _design_motions(table, motions)
         with part(), keyed("report", "limit"):
@@ -213,7 +222,9 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         with part(), keyed("hardware"):
             refuse_rate(devices, hardware.command_rate, "command_rate")
         with part():
-            if lacking := beyond_twin(building, devices, hardware):
+            if lacking := beyond_twin(
+                building, devices, hardware, motions=[motion.ground for motion in motions]
+            ):
                 raise InvalidSettingError(("damper", 0), lacking)
     chosen_on = tuple(motion.ground for motion in designed_on)
 
@@ -278,6 +289,13 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
 def _check_suite(aims: Aims, motions: Sequence[MotionOfStudy]) -> SuiteCheck | None:
     """The suite of test motions against the target, where the study has one and each record stands once."""
     judged = [motion for motion in motions if motion.use == "test"]
+    forced = next((motion.name for motion in motions if motion.ground.forces.size), None)
+    if aims.target is not None and forced:
+        raise InvalidSettingError(
+            "target",
+            f"a target is of ground accelerations, and motion {forced!r} has forces on floors; give them a study of "
+            "their own, or leave the target out",
+        )
     if aims.target is None or len({motion.record for motion in judged}) < len(judged):
         return None
     with keyed("target"):
@@ -321,7 +339,7 @@ def _unusual_limits(table: StudyTable, limit: Mapping[str, float], place: Place)
             yield from criterion(name).unusual_limit(value, f"{place.within(*path)}: ")
 
 
-def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int:
+def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy], bare: Building) -> int:
     """Index of the motion of the time histories; one that [report] names must be in the study.
 
     By default the test motion of the largest peak, at the `design_level` where the study names one.
@@ -335,7 +353,7 @@ def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int
     if level is not None:
         of_level = is_test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
         is_test = of_level if of_level.any() else is_test
-    return int(np.argmax([motion.ground.peak for motion in motions] * is_test))
+    return int(np.argmax([peak_push(motion.ground, bare.total_mass) for motion in motions] * is_test))
 
 
 def _facts(

@@ -392,7 +392,7 @@ class StudyResults(Plotted, Summarised):
                     f"not each of {counted(len(at.records), 'record')} has the same levels, several of one measure of "
                     "intensity; give all the same pga or sa, or leave by_record out"
                 )
-            levels = ("intensity", at.levels, {"units": "m/s^2", "long_name": at.measure})
+            levels = ("intensity", at.levels, {"units": at.unit, "long_name": at.measure})
             groups = {
                 name: group.isel(motion=(("record", "intensity"), at.places))
                 .drop_vars("motion")

@@ -495,7 +495,7 @@ def target_spectrum(table: Arguments) -> TargetSpectrum:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionTable(Stated):
-    """Ground motions from files, synthetic, or a suite of synthetic ones; each factor, peak or Sa gives a motion.
+    """Ground motions from files, synthetic or a suite, or forces on floors; each factor, peak or Sa gives a motion.
 
     Training and test motions must be different records: files and accelerations are compared.
     """
@@ -508,6 +508,16 @@ class MotionTable(Stated):
     acceleration: tuple[float, ...] | None = optional(
         "samples instead of a file, every dt, in m/s2 or the unit"
     )
+    force: str | None = optional(
+        "forces on floors instead of a record, a table relative to the study file: a column for each floor by its "
+        "name, or one column with floor or shape",
+        file=True,
+    )
+    forces: tuple[tuple[float, ...], ...] | None = optional(
+        "samples of the force on each floor instead of a file, every dt, in N or the unit; beside acceleration both act"
+    )
+    floor: int | str | None = optional("floor of the one column of a force, by its name or number from 1")
+    shape: tuple[float, ...] | None = optional("share of each floor in the one column of a force")
     synthetic: Synthetic | None = optional("filtered noise instead of a file")
     suite: Arguments | None = optional(
         "many synthetic motions instead of a file", functions=(synthetic_suite,)
@@ -517,7 +527,7 @@ class MotionTable(Stated):
         "group of the motions, or several, of which tables have the score", default=""
     )
     unit: str | None = optional(
-        "unit of the acceleration in the file, as g; needed if the file does not state it"
+        "unit of the acceleration in the file, as g, or of forces, as kN; needed if the file does not state it"
     )
     column: str | None = optional("column or variable of the acceleration, if there are several")
     channel: int | None = optional("channel of a file with several, from 1", least=1)
@@ -566,14 +576,16 @@ class MotionTable(Stated):
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
-        ways = (self.file, self.acceleration, self.synthetic, self.suite)
+        samples = self.acceleration if self.forces is None else self.forces
+        ways = (self.file, samples, self.synthetic, self.suite, self.force)
         if sum(way is not None for way in ways) != 1:
-            yield (), "[[motion]] needs either a file, samples, a synthetic motion or a suite"
+            yield (), "[[motion]] needs either a file, samples, a synthetic motion, a suite or a force"
         keys = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
         if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
             yield keys[1], f"{says}; keep one of {list_names(keys)}"
-        made, of_samples = self.is_synthetic, self.file is None and not self.is_synthetic
+        yield from self._mistakes_of_forces()
+        made, of_samples = self.is_synthetic, self.acceleration is not None
         for unread, reason, names in (
             (self.sa is None, "is of sa, which this motion does not have", ("sa_period", "sa_damping")),
             (not made, "is of synthetic motions, and this one is given", ("duration", "soil", "seed")),
@@ -591,6 +603,38 @@ class MotionTable(Stated):
                 yield name, f"{name} {reason}; leave it out"
         if self.acceleration is not None and self.dt is None:
             yield (), "[[motion]] has no dt of its samples; give it [s]"
+
+    def _mistakes_of_forces(self) -> Iterator[tuple[str | KeyPath, str]]:
+        given, of_file = self.forces is not None, self.force is not None
+        pushed = given or of_file or (isinstance(self.file, GroundMotion) and bool(self.file.forces.size))
+        for unread, reason, names in (
+            (
+                pushed,
+                "is of ground accelerations, and this motion has forces on floors; leave it out, or scale by factor",
+                ("pga", "sa", "scale_to", "baseline"),
+            ),
+            (
+                not of_file,
+                "is of the one column of a force; give that force, or leave it out",
+                ("floor", "shape"),
+            ),
+            (
+                of_file or given,
+                "is of records, and columns of forces are named by their floors; leave it out",
+                ("column", "channel"),
+            ),
+        ):
+            for name in (name for name in names if unread and getattr(self, name) is not None):
+                yield name, f"{name} {reason}"
+        if of_file and self.floor is not None and self.shape is not None:
+            yield "shape", "floor and shape both say where the one column of a force acts; keep one"
+        if given and self.acceleration is None and self.dt is None:
+            yield (), "[[motion]] has no dt of its forces; give it [s]"
+        if given and self.acceleration is not None and self.unit is not None:
+            yield (
+                "unit",
+                "unit may be of acceleration or of forces; leave it out, and give them in m/s2 and N",
+            )
 
     @property
     def is_synthetic(self) -> bool:

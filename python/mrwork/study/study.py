@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -19,7 +19,6 @@ from mrwork.base.places import Place, keyed
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
-from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
 from mrwork.buildings.building_remarks import coordinate_remarks
 from mrwork.buildings.device import Device
@@ -33,7 +32,7 @@ from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.motions.ground_motion import copies_remarks
+from mrwork.motions.ground_motion import copies_remarks, peak_push
 from mrwork.motions.spectrum import Intensity
 from mrwork.motions.targets import SuiteCheck
 from mrwork.store.codec import digest_of, package_version
@@ -83,7 +82,8 @@ class MotionOfStudy:
     def level_in_words(self) -> str:
         """Text such as "0.3 g" or "factor 2"."""
         factor = self.factor is not None
-        return f"factor {self.level:g}" if factor else f"{self.level / STANDARD_GRAVITY:.3g} g"
+        unit, per = self.intensity.shown
+        return f"factor {self.level:g}" if factor else f"{per * self.level:.3g} {unit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,6 +250,16 @@ class StudyOrigin:
     place: Place
 
 
+_OBSERVED: Final = RemarkKind(
+    "forces_observed",
+    "the observer takes the forces of motion {0} for accelerations of the ground, and estimates another motion",
+    "let it integrate measured accelerations, by kinematic = true of the hardware",
+)
+_FORECAST: Final = RemarkKind(
+    "forces_not_forecast",
+    "{0} predicts the motion without the forces of motion {1}",
+    "let measured accelerations stand for them, by shear_offsets = true of the law",
+)
 _SAME_BUILDING: Final = RemarkKind(
     "baseline_same",
     "{0} is the building itself",
@@ -348,7 +358,19 @@ class Study(Summarised):
             for label, law in self.laws
             for remark in law.remarks
         )
-        return (*of_motions, *next(filter(None, of_each), ()), *asked, *same, *self.unusual, *of_laws)
+        of_all = (*self.unusual, *self._remarks_of_forces(), *of_laws)
+        return (*of_motions, *next(filter(None, of_each), ()), *asked, *same, *of_all)
+
+    def _remarks_of_forces(self) -> Iterator[Remark]:
+        """What forces on floors do to observers and forecasts, which know the ground alone."""
+        forced = next((ground.name for ground in self.grounds if ground.forces.size), None)
+        if forced is None:
+            return
+        if self.hardware.feedback != "state" and not self.hardware.kinematic:
+            yield _OBSERVED.remark(forced)
+        for label, law in self.laws:
+            if law.spec.needs_model and not np.ravel(law.tables["shears"])[0] > 0.0:
+                yield _FORECAST.remark(label, forced)
 
     @property
     def at_zero(self) -> Arrangement:
@@ -406,7 +428,7 @@ class Study(Summarised):
             raise SettingError(
                 f"study {self.title!r}: no motion is for {use}; give one of its motions use = {use!r}"
             )
-        peaks = [self.motions[number].ground.peak for number in numbers]
+        peaks = [peak_push(self.grounds[number], self.building.total_mass) for number in numbers]
         detailed = self.detailed if self.detailed in numbers else numbers[int(np.argmax(peaks))]
         stored = {detailed if number == self.detailed else number for number in self.histories}
         return replace(
@@ -578,4 +600,4 @@ def _digest(numbers: ArrayLike) -> str:
 
 
 def _digest_of_motion(motion: GroundMotion) -> str:
-    return digest_of(motion.dt, motion.acceleration)
+    return digest_of(motion.dt, motion.acceleration, *[motion.forces] * bool(motion.forces.size))

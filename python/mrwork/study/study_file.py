@@ -79,9 +79,20 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
         case {"file": GroundMotion() as motion, **given}:
             group = given.pop("group", [])
             groups = [*(group if isinstance(group, list) else [group]), *motion.groups]
-            given |= {"dt": motion.dt, "acceleration": motion.acceleration.tolist()}
+            given |= {"dt": motion.dt}
+            given |= (
+                {"acceleration": motion.acceleration.tolist()}
+                if motion.peak or not motion.forces.size
+                else {}
+            )
+            given |= {"forces": motion.forces.tolist()} if motion.forces.size else {}
             given |= {"group": groups} if groups else {}
             return _written({"name": motion.name, **given}, keys, put)
+        case {"acceleration": _, "forces": _} if keys[0] == "motion":
+            return value
+        case {"forces": rows, **given} if keys[0] == "motion":
+            text = "".join(f"{','.join(map(repr, sample))}\n" for sample in zip(*rows, strict=True))
+            return {"force": put(f"{name}.csv", {"": text.encode()}), "unit": "N", "name": "forces", **given}
         case {"acceleration": samples, **given} if keys[0] == "motion":
             text = "".join(f"{sample!r}\n" for sample in samples)
             file = put(f"{name}.txt", {"": text.encode()})

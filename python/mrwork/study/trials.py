@@ -35,6 +35,7 @@ from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError, SimulationError
 from mrwork.motions import GroundMotion
+from mrwork.motions.ground_motion import peak_push
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.course import LEVELS, ROUNDS, Course
@@ -249,7 +250,7 @@ def magnitudes_of_runs(
         force=middle(on.peak_force[0, :, 0]),
         stroke=stroke,
         rate=first * stroke,
-        ground=middle(np.array([motion.peak for motion in motions])),
+        ground=middle(np.array([peak_push(motion, building.total_mass) for motion in motions])),
         command=largest_command(devices),
         shares=sends_shares(devices),
     )

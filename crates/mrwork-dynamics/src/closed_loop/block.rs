@@ -11,7 +11,7 @@ use crate::dispatch::{InstructionSet, LaneJob};
 use crate::dual::Dual;
 use crate::dual_block::TANGENTS;
 use crate::error::DynamicsError;
-use crate::ground_motion::GroundMotion;
+use crate::ground_motion::{GroundMotion, Place};
 use crate::lanes::Lanes;
 use crate::real::{Bits, OutOfLine};
 use crate::threads::StopRequested;
@@ -29,6 +29,8 @@ pub struct Block<'a> {
     pub(super) motions: Vec<&'a GroundMotion>,
     /// Its accelerations at start, middle and end of each step where it is finer than the step.
     pub(super) stages: Vec<Option<&'a [[f64; 3]]>>,
+    /// The same of its forces, of every step those of all floors.
+    pub(super) force_stages: Vec<Option<&'a [[f64; 3]]>>,
     /// Number of control samples.
     pub(super) n_samples: usize,
     /// Integration steps per sample.
@@ -207,6 +209,85 @@ impl<'a> Ground<'a> {
     }
 }
 
+/// Forces on the floors of all lanes, which all have forces or none.
+struct Forces<'a> {
+    motions: &'a [&'a GroundMotion],
+    stages: &'a [Option<&'a [[f64; 3]]>],
+    step: f64,
+    count: usize,
+    uniform: bool,
+    /// Where each lane is among its samples.
+    places: Vec<Place>,
+}
+
+impl<'a> Forces<'a> {
+    fn new(block: &'a Block<'_>, ground: &Ground<'_>) -> Self {
+        let Block { motions, force_stages, .. } = block;
+        let count = motions[0].n_forced();
+        Self {
+            motions,
+            stages: force_stages,
+            step: ground.step,
+            count,
+            uniform: ground.uniform,
+            places: Vec::new(),
+        }
+    }
+
+    /// Gives the plant those of a step, if there are any; only of histories finer than the step do steps not join.
+    #[inline(always)]
+    fn place<R: Lanes>(&mut self, number: usize, is_fine: bool, plant: &mut Plant<'_, R>) {
+        if self.count > 0 {
+            let follows = number > 0 && !is_fine;
+            R::out_of_line(PlaceForces { forces: self, number, follows, plant });
+        }
+    }
+
+    /// Writes minus the forces at a stage of a step, in half steps after its start.
+    #[inline(always)]
+    fn write<R: Lanes>(&mut self, number: usize, stage: usize, into: &mut Vec<R>) {
+        let own = if self.uniform { 1 } else { self.motions.len() };
+        let now = time(2 * number + stage, 0.5 * self.step);
+        self.places.clear();
+        for motion in &self.motions[..own] {
+            self.places.push(motion.place(now));
+        }
+        into.clear();
+        for floor in 0..self.count {
+            let minus = |lane: usize| match self.stages[lane] {
+                Some(stages) => -stages[number * self.count + floor][stage],
+                None => -self.motions[lane].force(floor, self.places[lane]),
+            };
+            into.push(if self.uniform {
+                R::splat(minus(0))
+            } else {
+                R::from_fn(|lane| minus(lane.min(own - 1)))
+            });
+        }
+    }
+}
+
+/// Writes minus the forces of a step into the plant; those at its start are the last ones of the step before where it
+/// `follows` that.
+struct PlaceForces<'a, 'b, 'c, R: Lanes> {
+    forces: &'a mut Forces<'b>,
+    number: usize,
+    follows: bool,
+    plant: &'a mut Plant<'c, R>,
+}
+
+impl<R: Lanes> OutOfLine for PlaceForces<'_, '_, '_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        let Self { forces, number, follows, plant: Plant { on_floors, .. } } = self;
+        on_floors.swap(0, 2);
+        for (stage, into) in on_floors.iter_mut().enumerate().skip(usize::from(follows)) {
+            forces.write(number, stage, into);
+        }
+    }
+}
+
 /// Commands on their way from the controller to the drivers; lanes differ in the delay.
 struct Arrivals<R> {
     /// Delays, each with 1 in the lanes that have it, else 0.
@@ -284,6 +365,7 @@ fn integrate_block<R: Lanes>(
     let streams: Vec<u64> = (0..R::WIDTH).map(|lane| batch.runs[runs[lane.min(last)]].stream).collect();
     let ground = Ground::new(block, step);
     let is_fine = block.stages.iter().any(Option::is_some);
+    let mut forces = Forces::new(block, &ground);
 
     devices.set_step(step);
     let mut coupled = Coupled { plant: Plant::<R>::at_rest(building, &springs, step), devices };
@@ -303,6 +385,7 @@ fn integrate_block<R: Lanes>(
         for inner in 0..steps as usize {
             let index = sample * steps as usize + inner;
             let start = if is_fine { ground.stage(index, 0) } else { end };
+            forces.place(index, is_fine, &mut coupled.plant);
             coupled.evaluate(&start);
             if inner == 0 {
                 let now = time(sample, hardware.sample_time);
@@ -338,6 +421,7 @@ fn integrate_block<R: Lanes>(
                 force: coupled.devices.force(),
                 current: coupled.devices.current(),
                 ground_acceleration: &start,
+                on_floors: &coupled.plant.on_floors[0],
                 into: &mut reductions,
             });
             if inner == 0 && !histories.is_empty() {
@@ -359,6 +443,7 @@ fn integrate_block<R: Lanes>(
     }
     R::out_of_line(BalanceEnergies { plant: &coupled.plant, into: &mut reductions });
     if !histories.is_empty() {
+        coupled.plant.on_floors.swap(0, 2);
         coupled.evaluate(&end);
         R::out_of_line(WriteHistory {
             building,

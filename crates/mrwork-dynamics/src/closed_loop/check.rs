@@ -44,6 +44,12 @@ impl Batch<'_> {
                 expected: n_gains,
             });
         }
+        for motion in self.motions.iter().filter(|motion| motion.n_forced() > 0) {
+            let (found, expected) = (motion.n_forced(), self.building.n_floors());
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name: "forces", found, expected });
+            }
+        }
         self.law.check_tables(self.tables)?;
         if spec.reads_acceleration && self.building.device_floors.is_none() {
             return Err(DynamicsError::NoAcceleration(spec.name));

@@ -23,7 +23,7 @@ pub const HISTORY_SIGNALS: &[Quantity] = &[
     Quantity::new("element_deformation", Axis::Element, "m", "displacement across the passive element"),
     Quantity::new("element_force", Axis::Element, "N", "its resisting force, with spring and dashpot"),
     Quantity::new("element_energy", Axis::Element, "J", "work on it, but for its spring"),
-    Quantity::new("input_energy", Axis::Run, "J", "work of the ground"),
+    Quantity::new("input_energy", Axis::Run, "J", "work of the ground and of forces on floors"),
     Quantity::new("damping_energy", Axis::Run, "J", "energy dissipated by the damping of the building"),
 ];
 

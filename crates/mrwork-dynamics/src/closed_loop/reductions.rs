@@ -36,9 +36,9 @@ run_quantities! {
     rms_acceleration: Floor, "m/s^2", "root mean square absolute acceleration", root_mean(r.acceleration.squares);
     peak_drift: Storey, "m", "peak drift", last(r.drift.peak);
     rms_drift: Storey, "m", "root mean square drift", root_mean(r.drift.squares);
-    peak_base_shear: Run, "N", "peak base shear, r'M(q'' + r a_g)", last(r.base_shear.peak);
+    peak_base_shear: Run, "N", "peak base shear, r'M(q'' + r a_g) less the forces on floors", last(r.base_shear.peak);
     rms_base_shear: Run, "N", "root mean square base shear", root_mean(r.base_shear.squares);
-    peak_storey_shear: Storey, "N", "peak of the inertia of all above it: shear of frame, dampers and damping", last(r.storey_shear);
+    peak_storey_shear: Storey, "N", "peak of the inertia of all above it less the forces there: shear of frame, dampers and damping", last(r.storey_shear);
     peak_frame_shear: Storey, "N", "peak shear of springs and elements alone, on which yield stands", last(r.frame_shear);
     peak_overturning: Storey, "N m", "peak overturning moment at its foot, from the shears above", last(r.overturning);
     residual_drift: Storey, "m", "drift at the end", last(r.residual_drift);
@@ -57,7 +57,7 @@ run_quantities! {
     peak_element_force: Element, "N", "peak force of the passive element with its spring and dashpot", last(r.element_force);
     peak_element_stroke: Element, "m", "its peak displacement", last(r.element_stroke);
     element_energy: Element, "J", "work of the motion on it, but for its spring", last(r.energies.with_dashpots);
-    input_energy: Run, "J", "work of the ground", last([r.energies.input]);
+    input_energy: Run, "J", "work of the ground and of forces on floors", last([r.energies.input]);
     kinetic_energy: Run, "J", "kinetic energy at the end", last([r.kinetic]);
     strain_energy: Run, "J", "strain energy at the end", last([r.strain]);
     damping_energy: Run, "J", "energy dissipated by the damping of the building beside its elements", last([r.energies.damping_alone()]);
@@ -318,6 +318,8 @@ pub(super) struct ReduceStep<'a, R> {
     pub(super) force: &'a [R],
     pub(super) current: &'a [R],
     pub(super) ground_acceleration: &'a R,
+    /// Minus the forces on the floors [N]; empty for none.
+    pub(super) on_floors: &'a [R],
     pub(super) into: &'a mut Reductions<R>,
 }
 
@@ -325,7 +327,7 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
     type Home = Self;
     #[inline(always)]
     fn run(self) {
-        let Self { building, ref motion, force, current, into, .. } = self;
+        let Self { building, ref motion, force, current, on_floors, into, .. } = self;
         let PlantMotion { displacement, velocity, acceleration, .. } = *motion;
         if building.floors_are_coordinates {
             into.displacement.take_all(&displacement[..building.n_floors()]);
@@ -341,14 +343,20 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
         for (coordinate, &mass) in building.pushed_mass.iter().enumerate() {
             shear = acceleration[coordinate].weighted(R::splat(mass), shear);
         }
+        for &minus in on_floors {
+            shear = shear + minus;
+        }
         into.base_shear.take(0, shear);
-        let Shears { mass, pushed, elements, springs, heights, .. } = &building.shears;
+        let Shears { mass, pushed, floors, elements, springs, heights, .. } = &building.shears;
         let (mut shear, mut moment) = (R::splat(0.0), R::splat(0.0));
         for storey in (0..building.n_storeys()).rev() {
             let drift = building.storeys.dot(storey, displacement);
             into.drift.take(storey, drift);
             let inertia = self.ground_acceleration.weighted(R::splat(pushed[storey]), shear);
             shear = mass.add_dot(storey, acceleration, inertia);
+            if !on_floors.is_empty() {
+                shear = floors.add_dot(storey, on_floors, shear);
+            }
             into.storey_shear[storey] = into.storey_shear[storey].max(shear.abs());
             if building.shears.has_heights {
                 moment = shear.weighted(R::splat(heights[storey]), moment);

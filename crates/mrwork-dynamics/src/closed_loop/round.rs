@@ -51,19 +51,22 @@ pub(super) fn round(
         patterns.push(known.unwrap_or(place));
     }
     let pattern = |run: usize| patterns.get(batch.runs[run].springs as usize).copied().unwrap_or(0);
-    let mut groups: BTreeMap<(u32, usize, usize), Vec<usize>> = BTreeMap::new();
+    // Runs with forces on floors are apart from those without.
+    let mut groups: BTreeMap<(u32, usize, usize, bool), Vec<usize>> = BTreeMap::new();
     for &(run, steps) in pending {
-        let samples = n_samples(&batch.motions[batch.runs[run].motion as usize], batch.hardware);
-        groups.entry((steps, samples, pattern(run))).or_default().push(run);
+        let motion = &batch.motions[batch.runs[run].motion as usize];
+        let samples = n_samples(motion, batch.hardware);
+        groups.entry((steps, samples, pattern(run), motion.n_forced() > 0)).or_default().push(run);
     }
     // Of a record finer than the step, made once for all lanes.
     let mut stages = BTreeMap::new();
-    for (&(steps, samples, _), runs) in &groups {
+    for (&(steps, samples, ..), runs) in &groups {
         for &run in runs {
             let motion = batch.runs[run].motion;
             stages.entry((motion, steps)).or_insert_with(|| {
                 let step = batch.hardware.sample_time / f64::from(steps);
-                batch.motions[motion as usize].stages(step, samples * steps as usize)
+                let (motion, count) = (&batch.motions[motion as usize], samples * steps as usize);
+                (motion.stages(step, count), motion.force_stages(step, count))
             });
         }
     }
@@ -72,7 +75,7 @@ pub(super) fn round(
     // Blocks are cut finer only where there are fewer than threads: a block takes as long with half of its lanes.
     let finer = threads.div_ceil(full.max(1));
     let mut cut: Vec<Cut<'_>> = Vec::with_capacity(full * finer);
-    for (&(steps, samples, _), runs) in &mut groups {
+    for (&(steps, samples, ..), runs) in &mut groups {
         // Runs under the same motion share a block where possible, and those of one realisation of the building.
         runs.sort_by_key(|&run| (batch.runs[run].motion, batch.runs[run].springs));
         let n_blocks = (runs.len().div_ceil(width) * finer).min(runs.len());
@@ -87,12 +90,13 @@ pub(super) fn round(
             blocks.iter().map(|block| (block, output.lend(block.runs))).collect();
         let done = on_threads(threads, work, |(cut, mut rows): (&Cut<'_>, Vec<Vec<f64>>)| {
             let motion = |run: &usize| &batch.motions[batch.runs[*run].motion as usize];
-            let finer = |run: &usize| stages.get(&(batch.runs[*run].motion, cut.steps))?.as_deref();
+            let finer = |run: &usize| stages.get(&(batch.runs[*run].motion, cut.steps));
             let block = Block {
                 batch,
                 runs: cut.runs,
                 motions: cut.runs.iter().map(motion).collect(),
-                stages: cut.runs.iter().map(finer).collect(),
+                stages: cut.runs.iter().map(|run| finer(run)?.0.as_deref()).collect(),
+                force_stages: cut.runs.iter().map(|run| finer(run)?.1.as_deref()).collect(),
                 n_samples: cut.samples,
                 steps: cut.steps,
                 directions,

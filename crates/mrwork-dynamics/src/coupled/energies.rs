@@ -5,7 +5,7 @@ use crate::real::Real;
 
 /// Work on a building since its start [J].
 pub(crate) struct Energies<R> {
-    /// Of the ground.
+    /// Of the ground and of forces on floors.
     pub(crate) input: R,
     /// Of the damping of the building, with the dashpots of elements.
     pub(crate) damping: R,

@@ -32,10 +32,12 @@ pub(crate) struct Plant<'a, R: Lanes> {
     elements: Elements<'a, R>,
     /// Accelerations of the coordinates beside those of the equations, which a controller has measured; empty for none.
     pub(crate) offset: Vec<R>,
+    /// Minus the forces on the floors at start, middle and end of the step [N]; empty for none.
+    pub(crate) on_floors: [Vec<R>; 3],
     /// Elongations of the devices and their rates at the current stage.
     pub(crate) elongation: Vec<R>,
     pub(crate) rate: Vec<R>,
-    /// Powers of the ground and of the damping at the start of the step [W].
+    /// Powers of ground and forces, and of the damping, at the start of the step [W].
     powers: [R; 2],
 }
 
@@ -77,6 +79,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
             resisting: zero(),
             elements: Elements::at_rest(building),
             offset: Vec::new(),
+            on_floors: [Vec::new(), Vec::new(), Vec::new()],
             elongation: per_device(),
             rate: per_device(),
             powers: [R::splat(0.0); 2],
@@ -321,11 +324,12 @@ impl<R: Lanes> OutOfLine for Pass<'_, '_, R> {
 }
 
 impl<R: Lanes> Plant<'_, R> {
-    /// Writes the accelerations at a stage; adds the work of the ground and of the damping to the energies or, without
-    /// these, keeps their powers.
+    /// Writes the accelerations at a stage; adds the work of the ground, of forces on floors and of the damping to the
+    /// energies or, without these, keeps their powers.
     #[inline(always)]
     fn accelerate_at(&mut self, stage: usize, force: &[R], ground: &R, energies: Option<&mut Energies<R>>) {
-        let Self { building, springs, resisting, elements, offset, .. } = self;
+        let Self { building, springs, resisting, elements, offset, on_floors, .. } = self;
+        let on_floors = &on_floors[stage.div_ceil(2)][..];
         let n = building.n;
         let (displacement, velocity) = match stage {
             0 => (&self.displacement[..n], &self.velocity[..n]),
@@ -334,7 +338,7 @@ impl<R: Lanes> Plant<'_, R> {
         let at = At { building, displacement, velocity, ground };
         let acceleration = &mut self.accelerations[stage][..n];
         let element_force = &elements.force[..];
-        let powers = if let Some(per_mass) = &building.per_mass {
+        let mut powers = if let Some(per_mass) = &building.per_mass {
             let powers = match (&*springs, springs.is_chain()) {
                 (LaneSprings::Shared(springs), true) => at.chain(springs.links(), per_mass, acceleration),
                 (LaneSprings::Each(springs), true) => at.chain(springs.links(), per_mass, acceleration),
@@ -349,11 +353,13 @@ impl<R: Lanes> Plant<'_, R> {
             };
             push(acceleration, force, &building.devices, Some(per_mass));
             push(acceleration, element_force, &building.elements, Some(per_mass));
+            push(acceleration, on_floors, &building.floors, Some(per_mass));
             powers
         } else {
             let powers = at.resist(springs, resisting);
             push(resisting, force, &building.devices, None);
             push(resisting, element_force, &building.elements, None);
+            push(resisting, on_floors, &building.floors, None);
             for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
                 *acceleration = building.acceleration(coordinate, resisting, *ground);
             }
@@ -361,6 +367,9 @@ impl<R: Lanes> Plant<'_, R> {
         };
         for (coordinate, &offset) in offset.iter().enumerate() {
             acceleration[coordinate] = acceleration[coordinate] + offset;
+        }
+        for (floor, &minus) in on_floors.iter().enumerate() {
+            powers[0] = powers[0] - minus * building.floors.dot(floor, velocity);
         }
         if let Some(energies) = energies {
             energies.add(powers, Moves::after(stage, self.step).weight);

@@ -12,7 +12,6 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import counted, format_fixed, least_to_most, significant
 from mrwork.base.table import Column, Table
-from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import History
 from mrwork.plots import canvas, style
@@ -99,10 +98,13 @@ def history_section(
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
     under = f"{results.quantities.axes['storey'][storey]} under {results.motions[motion].name}"
     bare = (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7)
-    ground = _over_time(
-        "Ground acceleration (m/s²)", (reference.time, reference.ground_acceleration, style.INK, 0.8)
-    )
-    panels = [panel("ground", "Ground", ground, f"Ground acceleration of {results.motions[motion].name}")]
+    panels = []
+    if reference.ground_acceleration.any():
+        ground = _over_time(
+            "Ground acceleration (m/s²)", (reference.time, reference.ground_acceleration, style.INK, 0.8)
+        )
+        words = f"Ground acceleration of {results.motions[motion].name}"
+        panels.append(panel("ground", "Ground", ground, words))
     for row, history in shown:
         # Beside the line without dampers a row without a hue is dark.
         colour = style.INK if of_row[row].colour == style.DATA else of_row[row].colour
@@ -239,11 +241,13 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
     return figure
 
 
+_PEAK_FORCE = Column("", "peak force", "kN", of=lambda facts: facts.peak_force / 1e3)
 _MOTIONS = (
     Column("name", "motion"),
     Column("", "use", of=lambda facts: f"{facts.use}{', synthetic' if facts.synthetic else ''}"),
     Column("groups", "groups", shown=", ".join),
     Column("peak", "peak", "m/s²"),
+    _PEAK_FORCE,
     Column("duration", "duration", "s"),
     Column("source", "source"),
     Column("changes", "changes", shown="; ".join),
@@ -256,7 +260,7 @@ def motion_section(results: StudyResults) -> Section:
     Those have their intensities in the place of groups, peak and processing.
     """
     uses = uses_in_words([motion.use for motion in results.motions])
-    peaks = least_to_most(motion.peak for motion in results.motions)
+    peaks = [motion.peak for motion in results.motions if motion.peak]
     lengths = least_to_most(motion.duration for motion in results.motions)
     records: dict[tuple[str, str], list[MotionFacts]] = {}
     for motion in results.motions:
@@ -264,17 +268,22 @@ def motion_section(results: StudyResults) -> Section:
 
     def levels(first: MotionFacts) -> str:
         several = records[first.use, first.record]
-        ends = least_to_most(motion.intensity.value / STANDARD_GRAVITY for motion in several)
-        return f"{len(several)}, {first.intensity.name} {ends} g"
+        unit, per = first.intensity.shown
+        ends = least_to_most(per * motion.intensity.value for motion in several)
+        return f"{len(several)}, {first.intensity.name} {ends} {unit}"
 
-    table, of = Table.of(_MOTIONS, results.motions, label="Ground motions"), ""
+    pushed = [motion.peak_force for motion in results.motions if motion.peak_force]
+    shown = [column for column in _MOTIONS if pushed or column is not _PEAK_FORCE]
+    table, of = Table.of(shown, results.motions, label="Ground motions"), ""
     if len(records) < len(results.motions):
-        columns = Column("record", "record"), _MOTIONS[1], Column("", "levels", of=levels), *_MOTIONS[4:6]
+        columns = Column("record", "record"), _MOTIONS[1], Column("", "levels", of=levels), *_MOTIONS[-3:-1]
         table = Table.of(columns, [first for first, *_ in records.values()], label="Records and their levels")
         of = f" of {counted(len(records), 'record')}"
+    sizes = [f"peaks from {least_to_most(peaks)} m/s²"] if peaks else []
+    sizes += [f"peak forces from {least_to_most(force / 1e3 for force in pushed)} kN"] if pushed else []
     return Section(
         title="Ground motions",
-        summary=f"{uses}{of}, peaks from {peaks} m/s², {lengths} s long.",
+        summary=f"{uses}{of}, {', '.join(sizes)}, {lengths} s long.",
         groups=(Group(table=table),),
     )
 
@@ -299,7 +308,8 @@ def fragilities_of_page(results: StudyResults) -> Fragilities | None:
     """Fragilities at the limit of the study; `None` without several records at several levels, or a limit."""
     at, limit = results.motions.by_record, results.limit or results.building.heights
     few = len(at.records) < _LEAST_RECORDS or at.levels.size < _LEAST_LEVELS or len(at.measures) > 1
-    if few or not limit or not results.complete:
+    forced = any(motion.peak_force for motion in results.motions)
+    if few or not limit or not results.complete or forced:
         return None
     return fragility(results)
 

@@ -1,0 +1,276 @@
+"""Forces on floors in a study: where their tables come from, what is asked of them, and what baselines make of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from refusals import command_refusal, refusal
+
+import mrwork as mr
+from mrwork.motions import GroundMotion, force_motion
+from mrwork.report.study.figures import motion_section
+from mrwork.study.loop_case import LoopCase
+from mrwork.study.study import digest_of_run
+
+TIME = np.arange(0.0, 2.0 + 1e-9, 0.02)
+GUSTS = np.round(200.0 * np.sin(9.0 * TIME + np.arange(3)[:, None]) * np.arange(1, 4)[:, None], 6)
+HEAD = """[building]
+masses = ["300 kg", "300 kg", "300 kg"]
+stiffnesses = ["400 N/mm", "400 N/mm", "400 N/mm"]
+floor_names = ["Deck 1", "Deck 2", "roof"]
+[[damper]]
+storey = 1
+preset = "kwok2006"
+[[controller]]
+law = "passive_on"
+[[motion]]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    def save(name: str, head: str, *columns: object) -> None:
+        np.savetxt(tmp_path / name, np.column_stack(columns), "%.9g", delimiter=",", header=head, comments="")
+
+    save("wind.csv", "time (s),Roof (kN),deck 1 (N),deck_2_N", TIME, GUSTS[2] / 1e3, GUSTS[0], GUSTS[1])
+    save("two.csv", "t_s,roof,Deck 1", TIME, GUSTS[2], GUSTS[0])
+    save("bare.csv", "", GUSTS.T)
+    save("shaker.csv", "t_s,force_kN", TIME, GUSTS[2] / 1e3)
+    save("twice.csv", "t_s,roof_N,Roof (kN)", TIME, GUSTS[2], GUSTS[2])
+    save("attic.csv", "t_s,Deck 1_N,attic_N", TIME, GUSTS[2], GUSTS[2])
+    save("falling.csv", "t_s,roof_N", TIME[::-1], GUSTS[2])
+    save("holes.csv", "t_s,roof_N,Deck 1_N", TIME, np.where(TIME[7] == TIME, np.nan, GUSTS[2]), GUSTS[0])
+    save("zeros.csv", "t_s,roof_N", TIME, 0.0 * TIME)
+    (tmp_path / "swing.csv").write_text("t_s,a_mps2\n" + "".join(f"{t:.2f},{np.sin(t):.6f}\n" for t in TIME))
+    return tmp_path
+
+
+def study(folder: Path, motion: str, head: str = HEAD) -> mr.Study:
+    (folder / "study.toml").write_text(head + motion)
+    return mr.read_study(folder / "study.toml")
+
+
+def ground(folder: Path, motion: str) -> GroundMotion:
+    (only,) = study(folder, motion).grounds
+    return only
+
+
+def test_columns_are_of_the_floors_that_they_name_each_in_its_unit(folder: Path) -> None:
+    found = ground(folder, 'force = "wind.csv"')
+    assert (found.name, found.dt, found.peak) == ("wind", pytest.approx(0.02), 0.0)
+    assert found.forces == pytest.approx(GUSTS, abs=1e-6)
+    two = ground(folder, 'force = "two.csv"\nunit = "kN"')
+    assert two.forces == pytest.approx(1e3 * GUSTS * [[1.0], [0.0], [1.0]], abs=1e-3)
+    assert ground(folder, 'force = "bare.csv"\nunit = "N"\ndt = 0.02').forces == pytest.approx(
+        GUSTS, abs=1e-6
+    )
+
+
+def test_one_column_acts_on_a_floor_or_in_a_shape(folder: Path) -> None:
+    by_name, by_number = (
+        ground(folder, f'force = "shaker.csv"\nfloor = {floor}') for floor in ('"ROOF"', "3")
+    )
+    assert by_name.forces == pytest.approx(GUSTS[2] * [[0.0], [0.0], [1.0]], abs=1e-6)
+    assert np.array_equal(by_name.forces, by_number.forces)
+    shaped = ground(folder, 'force = "shaker.csv"\nshape = [0.0, 0.5, -1.0]')
+    assert shaped.forces == pytest.approx(GUSTS[2] * [[0.0], [0.5], [-1.0]], abs=1e-6)
+
+
+def test_keys_of_motions_process_forces(folder: Path) -> None:
+    made = study(
+        folder,
+        'force = "wind.csv"\nname = "storm"\ngroup = "gusts"\nstart = 0.4\nend = 1.2\nresample = 0.01\nrest = 0.5\n'
+        'factor = [1.0, -2.0]\nuse = "test"',
+    )
+    assert [motion.name for motion in made.motions] == ["storm x 1", "storm x -2"]
+    assert [motion.level_in_words for motion in made.motions] == ["factor 1", "factor -2"]
+    one, other = made.grounds
+    assert one.forces[:, :81:2] == pytest.approx(GUSTS[:, 20:61], abs=1e-6)
+    assert not one.forces[:, 81:].any()
+    assert one.duration == pytest.approx(1.3)
+    assert other.forces == pytest.approx(-2.0 * one.forces)
+    assert one.groups == ("gusts",)
+    level = study(folder, 'force = "wind.csv"').motions[0]
+    assert level.level_in_words == f"{level.ground.peak_force / 1e3:.3g} kN"
+
+
+def test_forces_of_a_call_stand_alone_or_beside_an_acceleration(tmp_path: Path) -> None:
+    swing = np.sin(TIME)
+    for table, acceleration in (
+        ({"forces": GUSTS / 1e3, "unit": "kN", "dt": 0.02}, 0.0 * swing),
+        ({"forces": GUSTS, "acceleration": swing, "dt": 0.02}, swing),
+        (replace(force_motion(GUSTS, 0.02), acceleration=swing), swing),
+        (force_motion(GUSTS, 0.02), 0.0 * swing),
+    ):
+        made = mr.study_of(
+            building=mr.buildings.shear_building(
+                name="frame", masses=[300.0] * 3, stiffnesses=[4e5] * 3, storey_damping=[500.0] * 3
+            ),
+            motions=[table],
+            dampers=[{"storey": 1, "preset": "kwok2006"}],
+            laws=["passive_on"],
+        )
+        (found,) = made.grounds
+        assert found.forces == pytest.approx(GUSTS, abs=1e-9)
+        assert np.array_equal(found.acceleration, acceleration)
+        made.to_toml(tmp_path / "study.toml", replace=True)
+        again = mr.read_study(tmp_path / "study.toml")
+        assert np.array_equal(again.grounds[0].forces, found.forces)
+        assert np.array_equal(again.grounds[0].acceleration, found.acceleration)
+        digests = [digest_of_run(each.arrangements[0], *each.grounds) for each in (made, again)]
+        assert digests[0] == digests[1]
+        assert digests[0] != digest_of_run(made.arrangements[0], replace(found, forces=2.0 * found.forces))
+
+
+def test_forces_stay_on_their_floors_where_a_baseline_adds_a_floor(folder: Path) -> None:
+    isolated = '[[baseline]]\nlabel = "isolated"\n[baseline.building.isolation]\n'
+    isolated += "period = 2.0\nratio = 0.1\nmass = 300\n"
+    made = study(folder, f'force = "wind.csv"\n{isolated}')
+    (baseline,) = [each for each in made.arrangements if each.row.kind == "baseline"]
+    assert baseline.building.floor_names == ("base", "Deck 1", "Deck 2", "roof")
+    still = mr.ControlLaw(name="active", gains={"gain": np.zeros((0, 8))})
+    case = LoopCase(arrangement=replace(baseline, law=still), motions=made.grounds, hardware=made.hardware)
+    found = case.responses()
+    above = force_motion(np.vstack([np.zeros((1, TIME.size)), made.grounds[0].forces]), 0.02)
+    alone = mr.simulate_loop(
+        baseline.building,
+        [mr.buildings.ideal_actuator(name="none", row=baseline.building.storeys[0])],
+        mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 8))}),
+        [above],
+        made.hardware,
+    )
+    assert np.array_equal(found.peak_drift, alone.peak_drift)
+
+
+def test_a_study_of_forces_has_their_peaks_and_no_fragility(folder: Path) -> None:
+    results = mr.run_study(study(folder, 'force = "wind.csv"\nfactor = [1.0, 2.0]'))
+    facts = results.motions[1]
+    assert (facts.peak, facts.peak_force) == (
+        0.0,
+        pytest.approx(np.abs(2.0 * GUSTS.sum(axis=0)).max(), rel=1e-6),
+    )
+    at = results.motions.by_record
+    assert (at.unit, at.measure) == ("N", "Peak force")
+    assert at.levels == pytest.approx([0.5 * facts.peak_force, facts.peak_force])
+    section = motion_section(results)
+    assert "peak forces from" in section.summary
+    assert "m/s" not in section.summary
+    refusal(mr.fragility, results, match="'wind x 1' has forces on floors")
+
+
+def test_a_run_of_forces_resumes_and_another_force_does_not(folder: Path) -> None:
+    study(folder, 'force = "wind.csv"\n')
+    words = ("respond", folder / "study.toml", "--out", folder / "run")
+    assert mrwork(*words).returncode == 0
+    first = (folder / "run" / "runs.nc").read_bytes()
+    assert mrwork(*words, "--resume").returncode == 0
+    assert (folder / "run" / "runs.nc").read_bytes() == first
+    stronger = (folder / "wind.csv").read_text().replace("(kN)", "(MN)")
+    (folder / "wind.csv").write_text(stronger)
+    command_refusal(*words, "--resume", match="another study: motion.1.content")
+
+
+def test_the_motion_drawn_in_detail_is_the_test_motion_of_the_largest_push(folder: Path) -> None:
+    two = 'force = "wind.csv"\nuse = "training"\n[[motion]]\nforce = "shaker.csv"\nfloor = 1\n'
+    three = two + '[[motion]]\nforce = "shaker.csv"\nfloor = 2\nfactor = -3.0\nname = "strong"'
+    assert study(folder, two).detailed == 1
+    assert study(folder, three).detailed == 2
+
+
+def test_settings_are_of_the_forces_over_the_mass(folder: Path) -> None:
+    # Of the same push on every unit of mass, by the ground or by forces on the floors.
+    swing = 0.4 * np.sin(9.0 * TIME)
+    shaken = {"acceleration": swing, "dt": 0.02}
+    pushed = {"forces": -300.0 * np.tile(swing, (3, 1)), "dt": 0.02}
+    frame = mr.buildings.shear_building(
+        name="frame", masses=[300.0] * 3, stiffnesses=[4e5] * 3, storey_damping=[500.0] * 3
+    )
+    both = [
+        mr.study_of(
+            building=frame,
+            motions=[motion],
+            dampers=[{"storey": 1, "preset": "kwok2006"}],
+            laws=["sliding_mode"],
+        )
+        for motion in (shaken, pushed)
+    ]
+    gains = [mr.study.designed(each).laws[0][1].gains for each in both]
+    for name in gains[0]:
+        assert gains[0][name] == pytest.approx(gains[1][name], rel=1e-3)
+
+
+def test_observers_and_predictions_are_told_of_forces(folder: Path) -> None:
+    def codes(more: str) -> list[str]:
+        made = study(folder, 'force = "wind.csv"\n' + more)
+        return [remark.code for remark in made.remarks if remark.code.startswith("forces")]
+
+    assert codes("") == []
+    assert codes('[hardware]\nfeedback = "observer"\n') == ["forces_observed"]
+    assert codes('[hardware]\nfeedback = "observer"\nkinematic = true\nmeasured_storeys = [1, 2, 3]\n') == []
+    rollout = '[[controller]]\nlaw = "predictive_rollout"\n[controller.settings]\n'
+    rollout += "base = 1.0\ndrift = 1e-3\nacceleration = 1.0\n"
+    assert codes(rollout) == ["forces_not_forecast"]
+    assert codes(rollout + "shear_offsets = true\n") == []
+
+
+@pytest.mark.parametrize("factor", [1e4, 1e-9])
+def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float) -> None:
+    def remarks(more: str) -> list[tuple[str, str]]:
+        made = study(folder, 'force = "wind.csv"\n' + more)
+        return [(remark.code, remark.measured.unit) for remark in made.remarks if remark.measured]
+
+    assert remarks(f"factor = {factor}") == [("force_unusual", "N")]
+    assert remarks("") == []
+
+
+@pytest.mark.parametrize(
+    ("motion", "says"),
+    [
+        ('force = "twice.csv"', "line 11: .*floor 'roof' has two columns"),
+        (
+            'force = "attic.csv"',
+            "'attic' is no floor of the building; choose one of Deck 1, Deck 2",
+        ),
+        ('force = "shaker.csv"', "column 'force_kN' names no floor; give floor = \"roof\", or shape"),
+        (
+            'force = "shaker.csv"\nfloor = "rof"',
+            "line 12: .*'rof' is no floor of the building, did you mean roof",
+        ),
+        ('force = "shaker.csv"\nfloor = 4', "`floor` 4 is no floor"),
+        ('force = "shaker.csv"\nshape = [1.0, 2.0]', "`shape` has 2 numbers, and the building 3 floors"),
+        ('force = "shaker.csv"\nfloor = 3\nshape = [1, 1, 1]', "line 13: .*keep one"),
+        ('force = "wind.csv"\nfloor = "roof"', "name each column by its floor, or keep one column"),
+        ('force = "bare.csv"\nunit = "N"', "no column is time; give its step"),
+        ('force = "wind.csv"\ndt = 0.02', "leave `dt` out"),
+        ('force = "two.csv"', "column 'roof' does not state the unit of its forces"),
+        ('force = "shaker.csv"\nfloor = 3\nunit = "N"', "where every column states its own"),
+        ('force = "shaker.csv"\nfloor = 3\nunit = "g"', "'g'"),
+        ('force = "falling.csv"', "line 3: times do not rise"),
+        ('force = "holes.csv"', "line 9: the force in column 'roof_N' is no finite number"),
+        ('force = "zeros.csv"', "is zero throughout"),
+        ('force = "wind.csv"\npga = "0.3 g"', "line 12: pga is of ground accelerations"),
+        ('force = "wind.csv"\nsa = "0.3 g"', "sa is of ground accelerations"),
+        ('force = "wind.csv"\nscale_to = "pga"', "scale_to is of ground accelerations"),
+        ('force = "wind.csv"\nbaseline = 0', "baseline is of ground accelerations"),
+        ('force = "wind.csv"\ncolumn = "2"', "column is of records"),
+        (
+            'force = "wind.csv"\nfile = "swing.csv"',
+            "either a file, samples, a synthetic motion, a suite or a force",
+        ),
+        ('file = "swing.csv"\nfloor = "roof"', "floor is of the one column of a force"),
+        ("forces = [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]]", "no dt of its forces"),
+        ("forces = [[0.0, 1.0], [0.0, 1.0]]\ndt = 0.1", "2 floors, and the building 3 floors"),
+        ("forces = [[0.0, 1.0]]\nacceleration = [0, 1, 0]\ndt = 0.1", "line 11: .*as many samples"),
+        ("forces = [[0.0, 1.0]]\nacceleration = [0, 1]\ndt = 0.1\nunit = 'N'", "unit may be of acceleration"),
+        (
+            'force = "wind.csv"\n[target]\ncode = "en_1998"\na_g = 2.0\nground = "B"',
+            "line 12: .*has forces on floors",
+        ),
+    ],
+)
+def test_a_mistake_is_told_with_its_line_and_remedy(folder: Path, motion: str, says: str) -> None:
+    refusal(study, folder, motion, match=says)
