@@ -21,7 +21,7 @@ from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import MrworkWarning, RecordError, SettingError
-from mrwork.motions.examination import motion_remarks, refuse_absurd
+from mrwork.motions.examination import motion_remarks, refuse_absurd, road_remarks
 
 
 @checked
@@ -30,7 +30,8 @@ class GroundMotion(Plotted, Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
 
     `source` states its origin; `changes` lists the processing since, in order. `groups` name what it has in common with
-    others, such as its soil; tables of a study have the score of each group.
+    others, such as its soil; tables of a study have the score of each group. `is_road` says that the ground is a road
+    under a vehicle (`road_motion`), whose size is not that of earthquakes.
     """
 
     _made_by: ClassVar[str] = "mr.read_motion(path)"
@@ -41,6 +42,7 @@ class GroundMotion(Plotted, Summarised):
     source: str = ""
     changes: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
+    is_road: bool = False
 
     def __post_init__(self) -> None:
         keep_arrays(self, "acceleration")
@@ -92,7 +94,7 @@ class GroundMotion(Plotted, Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """On a step, a size or a mean that no accelerogram has, on wild samples and on clipped peaks."""
+        """On a step, size or mean that no accelerogram has, wild samples, clipped peaks; of a road on its heights."""
         return examined(self, scaled=False)
 
     def _summary(self) -> Summary:
@@ -110,6 +112,8 @@ class GroundMotion(Plotted, Summarised):
 
 def examined(motion: GroundMotion, *, scaled: bool) -> tuple[Remark, ...]:
     """The `remarks` of a motion; of one that is to be scaled to an intensity, none on its size."""
+    if motion.is_road:
+        return tuple(road_remarks(motion.name, motion.displacement, motion.dt))
     return tuple(motion_remarks(motion.name, motion.acceleration, motion.velocity, motion.dt, scaled=scaled))
 
 

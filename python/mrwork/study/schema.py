@@ -40,6 +40,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
+from mrwork.motions.roads import RoadClass
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import suite as synthetic_suite
 from mrwork.motions.targets import ScaledBy, TargetSpectrum, asce_7_spectrum, en_1998_spectrum, table_spectrum
@@ -223,7 +224,7 @@ class TuneTable(Stated):
 
 Use = Literal["test", "training"]
 """Use of a motion: a controller is tuned on training motions and judged on test motions."""
-Synthetic = Literal["kanai_tajimi", "clough_penzien"]
+Synthetic = Literal["kanai_tajimi", "clough_penzien", "iso_8608"]
 
 # Angle of a damper that no drift stretches.
 _UPRIGHT = 1.57
@@ -497,7 +498,8 @@ def target_spectrum(table: Arguments) -> TargetSpectrum:
 class MotionTable(Stated):
     """Ground motions from files, synthetic, or a suite of synthetic ones; each factor, peak or Sa gives a motion.
 
-    Training and test motions must be different records: files and accelerations are compared.
+    A road is the ground under the tyre of a vehicle: its heights, or a class of ISO 8608, at a speed. Training and test
+    motions must be different records: files and accelerations are compared.
     """
 
     file: str | GroundMotion | None = optional(
@@ -508,7 +510,17 @@ class MotionTable(Stated):
     acceleration: tuple[float, ...] | None = optional(
         "samples instead of a file, every dt, in m/s2 or the unit"
     )
-    synthetic: Synthetic | None = optional("filtered noise instead of a file")
+    road: str | None = optional(
+        "heights of a road instead of a record, over distances or times, relative to the study file",
+        file=True,
+    )
+    speed: float | None = positive(
+        'speed of the vehicle on a road, as "72 km/h": over distances, and of iso_8608',
+        unit="m/s",
+        usual=(0.5, 100.0),
+    )
+    synthetic: Synthetic | None = optional("filtered noise instead of a file, or iso_8608 for a random road")
+    road_class: RoadClass | None = optional("class of the road iso_8608; C is an average one")
     suite: Arguments | None = optional(
         "many synthetic motions instead of a file", functions=(synthetic_suite,)
     )
@@ -517,12 +529,12 @@ class MotionTable(Stated):
         "group of the motions, or several, of which tables have the score", default=""
     )
     unit: str | None = optional(
-        "unit of the acceleration in the file, as g; needed if the file does not state it"
+        "unit of the acceleration in the file, as g, or of the heights of a road; needed if the file does not state it"
     )
-    column: str | None = optional("column or variable of the acceleration, if there are several")
+    column: str | None = optional("column or variable of the acceleration or height, if there are several")
     channel: int | None = optional("channel of a file with several, from 1", least=1)
     dt: float | None = positive(
-        "step of synthetic motions, 0.01 s by default, of samples, or of a table without times",
+        "step of synthetic motions, by default 0.01 s, of a road 0.001 s; of samples, or of a table without times",
         unit="s",
         usual=_STEPS,
     )
@@ -566,14 +578,15 @@ class MotionTable(Stated):
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
-        ways = (self.file, self.acceleration, self.synthetic, self.suite)
+        ways = (self.file, self.acceleration, self.synthetic, self.suite, self.road)
         if sum(way is not None for way in ways) != 1:
-            yield (), "[[motion]] needs either a file, samples, a synthetic motion or a suite"
+            yield (), "[[motion]] needs either a file, samples, a synthetic motion, a suite or a road"
         keys = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
         if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
             yield keys[1], f"{says}; keep one of {list_names(keys)}"
-        made, of_samples = self.is_synthetic, self.file is None and not self.is_synthetic
+        yield from self._mistakes_of_roads()
+        made, of_samples = self.is_synthetic, self.acceleration is not None
         for unread, reason, names in (
             (self.sa is None, "is of sa, which this motion does not have", ("sa_period", "sa_damping")),
             (not made, "is of synthetic motions, and this one is given", ("duration", "soil", "seed")),
@@ -591,6 +604,43 @@ class MotionTable(Stated):
                 yield name, f"{name} {reason}; leave it out"
         if self.acceleration is not None and self.dt is None:
             yield (), "[[motion]] has no dt of its samples; give it [s]"
+
+    def _mistakes_of_roads(self) -> Iterator[tuple[str | KeyPath, str]]:
+        drawn = self.synthetic == "iso_8608"
+        if drawn:
+            wanted = {"road_class": self.road_class, "speed": self.speed}
+            if lacking := [name for name, value in wanted.items() if value is None]:
+                yield (
+                    (),
+                    f'iso_8608 has no {" and no ".join(lacking)}; give both, as road_class = "C", speed = "72 km/h"',
+                )
+        is_road = drawn or self.road is not None
+        is_road = is_road or (isinstance(self.file, GroundMotion) and self.file.is_road)
+        level = "a road has no level of earthquakes; leave it out, or give factor, which scales its heights"
+        for unread, reason, names in (
+            (
+                not drawn,
+                'is of a synthetic road; leave it out, or give synthetic = "iso_8608"',
+                ("road_class",),
+            ),
+            (
+                not drawn and self.road is None,
+                "is of roads, and this motion is none; leave it out",
+                ("speed",),
+            ),
+            (drawn, "is of filtered noise, and this is a road; leave it out", ("soil",)),
+            (self.road is not None, "is for records, and this is a road; leave it out", ("channel",)),
+            (is_road, level, ("pga", "sa", "scale_to")),
+            (
+                is_road,
+                "is of records, and heights of a road have no drift of a baseline; leave it out",
+                ("baseline",),
+            ),
+            (is_road, "would tilt the road, whose part begins level; cut the profile itself", ("start",)),
+            (is_road, "changes times and not heights; give another speed", ("time_scale",)),
+        ):
+            for name in (name for name in names if unread and name in given_in(self)):
+                yield name, f"{name} {reason}"
 
     @property
     def is_synthetic(self) -> bool:
