@@ -142,7 +142,7 @@ def loop_calls(_: Path) -> Calls:
     share = mr.ControlLaw(name="decentralised_bang_bang")
     run = mr.simulate_loop(frame, loop, law, [motion], histories=True, threads=1)
     device = named(loop[0], "name", "spec", "theta", "row", "largest_command", "count")
-    yield call(mr.Device, **device, differential=True, lag=190.0)
+    yield call(mr.Device, **device, differential=True, lag=190.0, sprung=frame.floors[0])
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
     demand = {"stroke": 0.01, "velocity": 0.1, "force": 1e3, "energy": 1.0, "seconds": 3.0}
     yield call(loop[0].demand, **demand, peak_command=1.0, mean_command=0.5)

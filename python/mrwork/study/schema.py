@@ -320,6 +320,10 @@ class DamperTable(Stated):
         "stretch of the damper over the coordinates of the building, a number for each, instead of the drift of its "
         "storey"
     )
+    sprung: int | str | None = optional(
+        "floor that is the sprung mass, as the body of a car: mixed_skyhook, acceleration_driven, skyhook_groundhook "
+        "and decentralised_bang_bang read its absolute motion, by default that of the upper end less that of the lower"
+    )
     rated_force: float | None = positive(
         "force that one damper is made for, beyond which runs are told; by default as the preset has it",
         unit="N",

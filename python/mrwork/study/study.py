@@ -30,7 +30,7 @@ from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.control.weights.weight_certificate import DesignedWeights
-from mrwork.errors import SettingError
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import copies_remarks
 from mrwork.motions.spectrum import Intensity
@@ -369,6 +369,14 @@ class Study(Summarised):
         laws = [law for _, law in self.laws]
         tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
         needs_model = any(spec.needs_model for spec in tuned)
+        reads_sprung = any(spec.reads_sprung for spec in (*(law.spec for law in laws), *tuned))
+        for number, damper in enumerate(self.table.damper):
+            if damper.sprung is not None and not reads_sprung:
+                raise InvalidSettingError(
+                    ("damper", number, "sprung"),
+                    "sprung has no effect on laws that do not read the absolute motion of a floor; leave it out, or "
+                    "add a [[controller]] with one that does, as mixed_skyhook",
+                )
         reads = [*(law.reads_acceleration for law in laws), *(spec.reads_acceleration for spec in tuned)]
         forecasts = needs_model or any(law.forecasts_ground for law in laws)
         with keyed("hardware"):
@@ -561,6 +569,11 @@ def _digest_of_loop(building: Building, devices: Sequence[Device]) -> str:
         *(
             (device.spec, _digest(device.draws), _digest(device.row), device.count, device.differential)
             for device in devices
+        ),
+        *(
+            (place, _digest(device.sprung))
+            for place, device in enumerate(devices)
+            if device.sprung is not None
         ),
         *((device.largest_command, device.command) for device in devices),
     )
