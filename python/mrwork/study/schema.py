@@ -32,13 +32,13 @@ from mrwork.base.places import KeyPath, all_mistakes
 from mrwork.base.summary import list_names
 from mrwork.base.units import RATIOS, DriverUnit, number_in
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.closed_loop.evaluation import criteria
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import InvalidSettingError
+from mrwork.errors import InvalidSettingError, MrworkError
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
 from mrwork.motions.roads import RoadClass
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
@@ -157,7 +157,7 @@ class TuneTable(Stated):
     )
     criteria: tuple[str, ...] | Mapping[str, Positive] = key(
         "criteria of the score, an array or a table with their weights; by default peak and rms of drift and "
-        "acceleration",
+        "acceleration; at a floor, storey or damper as rms_acceleration@body",
         default=(),
     )
     relative_to: Baseline = key(
@@ -215,11 +215,21 @@ class TuneTable(Stated):
             yield "tail", f'{sentence}; leave it out, or give risk = "cvar"'
         if len(self.objectives) == 1:
             yield "objectives", "objectives takes two criteria or more, each once; leave it out for a score"
-        names = [entry.name for entry in criteria()]
         for setting in ("criteria", "objectives", "constraints"):
-            for name in getattr(self, setting) or ():
-                if name not in names:
-                    yield setting, f"no criterion is called {name!r}{suggestion(name, names)}"
+            yield from _unknown_criteria(setting, getattr(self, setting) or ())
+
+    @property
+    def judged_by(self) -> tuple[str, ...]:
+        """Names of criteria that the table has."""
+        return (*self.criteria, *self.objectives, *(self.constraints or ()))
+
+
+def _unknown_criteria(setting: str, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    for name in names:
+        try:
+            criterion(name)
+        except MrworkError as error:
+            yield setting, str(error)
 
 
 Use = Literal["test", "training"]
@@ -670,14 +680,19 @@ class PlacesTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportTable:
-    """Figures in detail on the page."""
+class ReportTable(Stated):
+    """Figures in detail on the page, and columns of tables."""
 
     motion: str | None = optional(
         "motion of the time histories and force loops; by default the test motion of the largest peak"
     )
     controllers: tuple[str, ...] = key(
         "labels of the arrangements drawn there, by default all; of more than 24, the best are drawn",
+        default=(),
+    )
+    criteria: tuple[str, ...] = key(
+        "further columns of the tables of values: criteria at a floor, storey or damper, as rms_acceleration@body, and "
+        "weighted_acceleration, which is weighted by W_k of ISO 2631-1 and takes histories",
         default=(),
     )
     histories: Literal["detailed", "all", "none"] = key(
@@ -687,6 +702,9 @@ class ReportTable:
         "criterion with its limit, of which the page has the fragility where records have several levels, as "
         '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else collapse, 10 %'
     )
+
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        yield from _unknown_criteria("criteria", self.criteria)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -268,7 +268,8 @@ class Study(Summarised):
     `realisations` of what is not known exactly. `other_sets` are the dampers with other sets of laws that predict
     nearly as well. `suite` has the spectra of the test motions beside the target, if there is one and each record has
     one level. `described` are headings and sentences on building, dampers and loop, `unusual` are remarks on numbers of
-    the table. `table` is what the study was stated by, and it `is_whole` where it has all motions and rows of that.
+    the table. Criteria `asked` for are those on request, as at a place. `table` is what the study was stated by, and it
+    `is_whole` where it has all motions and rows of that.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -291,6 +292,7 @@ class Study(Summarised):
     other_sets: tuple[OtherSet, ...] = ()
     suite: SuiteCheck | None = None
     unusual: tuple[Remark, ...] = ()
+    asked: tuple[str, ...] = ()
     is_whole: bool = True
 
     @property
@@ -542,6 +544,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
         "hardware": asdict(study.hardware),
         "realisations": None if study.realisations is None else study.realisations.digest,
         "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
+        **({"asked": study.asked} if study.asked else {}),
     }
 
 

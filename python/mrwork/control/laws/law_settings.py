@@ -101,7 +101,7 @@ class HybridSettings(LawSettings):
         least=0.0,
         most=1.0,
         default=1.0,
-        span=Span(lower=0.0, upper=1.0, scale="linear"),
+        span=Span(lower=0.0, upper=1.0, scale="linear", free=False),
     )
 
     def design(self, problem: DesignProblem) -> Design:
