@@ -195,7 +195,7 @@ def test_a_study_of_a_road_is_written_and_read_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "match"),
     [
-        ("pga = 3.0", "pga a road has no level of earthquakes"),
+        ("pga = 3.0", "pga is a level of earthquakes, and a road has none"),
         ("baseline = 1", "baseline is of records"),
         ("start = 1.0", "start would tilt the road"),
         ("time_scale = 2.0", "give another speed"),
@@ -206,6 +206,12 @@ def test_keys_of_earthquakes_are_refused_on_roads(tmp_path: Path, line: str, mat
     path = tmp_path / "car.toml"
     path.write_text(f"{CAR}{ROAD}{line}\n")
     refusal(mr.read_study, path, match=match)
+
+
+def test_a_target_of_earthquakes_is_refused_beside_a_road(tmp_path: Path) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text(f'{CAR}{ROAD}\n[target]\ncode = "en_1998"\na_g = "0.2 g"\nground = "B"\n')
+    refusal(mr.read_study, path, match="target.*is a road")
 
 
 @pytest.mark.parametrize(

@@ -253,7 +253,8 @@ def scaled_level(motion: GroundMotion, found: float, value: float, words: str) -
         raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to {words}")
     change = f"scaled from {words} of {found:.6g} to {value:.6g} m/s2"
     acceleration = motion.acceleration * (value / found)
-    refuse_absurd(acceleration, source=f"ground motion {motion.name} with {words} of {value:.6g} m/s2")
+    if not motion.is_road:
+        refuse_absurd(acceleration, source=f"ground motion {motion.name} with {words} of {value:.6g} m/s2")
     return replace_samples(motion, acceleration, motion.dt, change)
 
 

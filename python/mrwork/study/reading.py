@@ -290,6 +290,10 @@ def _check_suite(aims: Aims, motions: Sequence[MotionOfStudy]) -> SuiteCheck | N
     if aims.target is None or len({motion.record for motion in judged}) < len(judged):
         return None
     with keyed("target"):
+        if road := next((motion.name for motion in judged if motion.ground.is_road), ""):
+            raise SettingError(
+                f"the target is a spectrum of earthquakes, and {road} is a road; leave [target] out"
+            )
         return check_suite([motion.ground for motion in judged], aims.target, period=aims.target_period)
 
 

@@ -630,7 +630,7 @@ class MotionTable(Stated):
                 )
         is_road = drawn or self.road is not None
         is_road = is_road or (isinstance(self.file, GroundMotion) and self.file.is_road)
-        level = "a road has no level of earthquakes; leave it out, or give factor, which scales its heights"
+        level = "is a level of earthquakes, and a road has none; leave it out, or give factor, which scales heights"
         for unread, reason, names in (
             (
                 not drawn,
