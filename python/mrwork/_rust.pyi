@@ -54,6 +54,7 @@ class Building:
         heights: _Floats,
         storey_springs: _Floats,
         devices: _Floats,
+        sprung: _Floats,
         elements: Sequence[PassiveElement],
         varied: Sequence[tuple[_Floats, _Floats]] = ...,
     ) -> Building: ...

@@ -12,6 +12,7 @@ import pytest
 from command_line import mrwork
 from sentences import Refused
 
+import mrwork as mr
 from mrwork.cli.command_parser import examples_in
 from mrwork.cli.completion import subcommands
 from mrwork.cli.door import TOUR, parser, verbs
@@ -101,6 +102,15 @@ def test_the_sample_rig_has_tests_for_every_use(tmp_path: Path) -> None:
     rows = read_test_table(tmp_path / "rig" / "tests.csv")
     assert {row.use for row in rows} == {"fit", "calibration", "test"}
     assert len(rows) == len(written["files"]) - 1
+
+
+def test_the_sample_car_is_a_study_on_two_kinds_of_roads(tmp_path: Path) -> None:
+    written = json.loads(mrwork("init", "car", tmp_path / "car", "--json").stdout)
+    assert written["files"] == [str(path) for path in map(Path, written["files"]) if path.is_file()]
+    study = mr.read_study(tmp_path / "car" / "car.toml")
+    assert study.building.floor_names == ("wheel", "body")
+    assert [ground.is_road for ground in study.grounds] == [True, True, True]
+    assert study.remarks == ()
 
 
 @pytest.mark.long

@@ -137,6 +137,11 @@ def motion_calls(files: Path) -> Calls:
         )
         return path
 
+    def road() -> Path:
+        path = files / "road.csv"
+        np.savetxt(path, np.column_stack([np.arange(50.0), np.zeros(50)]), delimiter=",")
+        return path
+
     target = motions.en_1998_spectrum(2.0, "B")
     yield call(
         mr.GroundMotion,
@@ -166,6 +171,9 @@ def motion_calls(files: Path) -> Calls:
         *(motions.resampled, motions.ShakeTable().driven),
     )
     yield call(motions.table_spectrum, periods=[0.0, 1.0], accelerations=[2.0, 5.0], name="a", damping=0.02)
+    yield call(motions.road_motion, heights=np.sin(np.arange(50.0)), dt=0.01, name="a", source="b")
+    yield call(motions.iso_8608_road, road_class="B", speed=20.0, rng=3, duration=2.0, dt=0.005, name="a")
+    yield call(motions.read_road, path=road(), speed=20.0, unit="mm", column="2")
     yield call(motions.KanaiTajimi().density, w=np.linspace(0.1, 50.0, 5))
 
 

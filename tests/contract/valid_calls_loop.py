@@ -141,7 +141,7 @@ def loop_calls(_: Path) -> Calls:
     share = mr.ControlLaw(name="decentralised_bang_bang")
     run = mr.simulate_loop(frame, loop, law, [motion], histories=True, threads=1)
     device = named(loop[0], "name", "spec", "theta", "row", "largest_command", "count")
-    yield call(mr.Device, **device, differential=True, lag=190.0)
+    yield call(mr.Device, **device, differential=True, lag=190.0, sprung=frame.floors[0])
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
     hardware = {
         **{"sample_time": 1e-3, "step": 5e-4, "delay": 1e-3, "command_rate": 100.0, "feedback": "observer"},

@@ -48,7 +48,7 @@ class Recorded:
         start, end = motion.acceleration[index], motion.acceleration[index + 1]
         since = fine - index * motion.dt
         ground = motion.velocity[index] + start * since + 0.5 * (end - start) / motion.dt * since**2
-        rows = np.array([device.row for device in devices])
+        rows = np.array([device.row if device.sprung is None else device.sprung for device in devices])
         carried = rows @ building.influence
         return cls(
             law=law,
@@ -59,7 +59,7 @@ class Recorded:
             force=run.force,
             absolute_acceleration=run.acceleration @ np.linalg.pinv(building.floors).T @ rows.T,
             ground_acceleration=start + (end - start) * since / motion.dt,
-            absolute_rate=run.rate + np.outer(ground, carried),
+            absolute_rate=run.state[:, rows.shape[1] :] @ rows.T + np.outer(ground, carried),
             sample_time=sample_time,
         )
 
@@ -287,6 +287,12 @@ def _mixed_skyhook(run: Recorded) -> Floats:
     return np.where(slow, _on(v * run.rate, run.largest), _on(a * run.rate, run.largest))
 
 
+def _skyhook_groundhook(run: Recorded) -> Floats:
+    unsprung, share = run.absolute_rate - run.rate, run.gain("share")
+    skyhook = _on(run.absolute_rate * run.rate, run.largest)
+    return share * skyhook + (1.0 - share) * _on(-unsprung * run.rate, run.largest)
+
+
 def _active(run: Recorded) -> Floats:
     return run.wanted
 
@@ -329,6 +335,7 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "active": _active,
     "acceleration_driven": _acceleration_driven,
     "mixed_skyhook": _mixed_skyhook,
+    "skyhook_groundhook": _skyhook_groundhook,
     "predictive_rollout": _rollout,
 }
 

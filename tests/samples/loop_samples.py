@@ -146,6 +146,7 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
         "signal_network": {"gain": K, "network": strength * _signal_network(plant.n_devices)},
         "acceleration_driven": {},
         "mixed_skyhook": {"crossover": 30.0 * each},
+        "skyhook_groundhook": {"share": 0.7 * each},
         "predictive_rollout": {
             "base": 0.4 * strength * each,
             "tails": strength * np.outer(each, [0.16, 0.8]),

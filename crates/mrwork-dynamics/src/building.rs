@@ -330,6 +330,8 @@ pub struct Matrices<'a> {
     pub storey_springs: &'a [f64],
     /// e, elongation of each device from coordinates, shape (devices, n).
     pub devices: &'a [f64],
+    /// Displacement of the sprung mass of each device from coordinates, shape (devices, n); zeros where it has none.
+    pub sprung: &'a [f64],
     /// Elongation of each passive element from coordinates, shape (elements, n).
     pub elements: &'a [f64],
     /// What each element does.
@@ -394,7 +396,11 @@ pub struct Building {
     pub(crate) storeys: SparseRows,
     pub(crate) shears: Shears,
     pub(crate) devices: SparseRows,
-    /// Weights of the floors' accelerations that add up to `e (q'' + r a_g)` of each device; `None` if floors do not.
+    /// Rows x of the absolute motion that laws read for each device: of its sprung mass, else its elongation.
+    pub(crate) absolute: SparseRows,
+    /// Whether each device has a sprung mass.
+    pub(crate) has_sprung: Vec<bool>,
+    /// Weights of the floors' accelerations that add up to `x (q'' + r a_g)` of each device; `None` if floors do not.
     pub(crate) device_floors: Option<SparseRows>,
     /// Effective mass of each device, 1 / (e M^-1 e') [kg].
     pub(crate) device_mass: Vec<f64>,
@@ -483,6 +489,7 @@ impl Building {
             ("storeys", matrices.storeys),
             ("unit_drifts", matrices.unit_drifts),
             ("devices", matrices.devices),
+            ("sprung", matrices.sprung),
             ("elements", matrices.elements),
         ];
         for (name, matrix) in rows {
@@ -496,6 +503,10 @@ impl Building {
             ("storey_springs", matrices.storey_springs),
         ];
         check_finite(square.into_iter().chain(rows).chain(vectors))?;
+        if matrices.sprung.len() != matrices.devices.len() {
+            let (found, expected) = (matrices.sprung.len(), matrices.devices.len());
+            return Err(DynamicsError::MatrixSize { name: "sprung", found, expected });
+        }
         let (found, expected) = (matrices.element_parameters.len(), matrices.elements.len() / n);
         if found != expected {
             return Err(DynamicsError::MatrixSize { name: "element_parameters", found, expected });
@@ -516,6 +527,11 @@ impl Building {
             };
             rows.chunks_exact(n).map(moved).collect()
         };
+        let has_sprung: Vec<bool> =
+            matrices.sprung.chunks_exact(n).map(|row| row.iter().any(|&entry| entry != 0.0)).collect();
+        let rows = matrices.sprung.chunks_exact(n).zip(matrices.devices.chunks_exact(n)).zip(&has_sprung);
+        let absolute: Vec<f64> =
+            rows.flat_map(|((sprung, device), &has)| if has { sprung } else { device }).copied().collect();
         let (device_mass, element_mass) = (moved_masses(matrices.devices), moved_masses(matrices.elements));
         let floors = SparseRows::new(matrices.floors, n);
         let mass_inverse = SparseRows::new(inverse.transpose().as_slice(), n);
@@ -533,7 +549,9 @@ impl Building {
             storeys: SparseRows::new(matrices.storeys, n),
             shears: Shears::of(matrices, &mass, n)?,
             devices: SparseRows::new(matrices.devices, n),
-            device_floors: weights_of_floors(matrices, n),
+            device_floors: weights_of_floors(matrices.floors, &absolute, n),
+            absolute: SparseRows::new(&absolute, n),
+            has_sprung,
             device_mass,
             elements: SparseRows::new(matrices.elements, n),
             element_parameters: matrices.element_parameters.to_vec(),
@@ -622,10 +640,10 @@ fn check_finite<'a>(
     Ok(())
 }
 
-/// Rows w of the devices with w F = e for the rows F of the floors; `None` if there are none.
-fn weights_of_floors(matrices: &Matrices<'_>, n: usize) -> Option<SparseRows> {
-    let floors = DMatrix::from_row_slice(matrices.floors.len() / n, n, matrices.floors);
-    let devices = DMatrix::from_row_slice(matrices.devices.len() / n, n, matrices.devices);
+/// Rows w of the devices with w F = x for the rows F of the floors; `None` if there are none.
+fn weights_of_floors(floors: &[f64], absolute: &[f64], n: usize) -> Option<SparseRows> {
+    let floors = DMatrix::from_row_slice(floors.len() / n, n, floors);
+    let devices = DMatrix::from_row_slice(absolute.len() / n, n, absolute);
     let root = Cholesky::new(&floors * floors.transpose())?;
     let weights = root.solve(&(&floors * devices.transpose()));
     // Without rounding a row has few entries: the floors at the ends of the device.

@@ -229,6 +229,7 @@ proptest! {
             })
             .collect();
         let elements = rows(&elements, element_parameters.len());
+        let sprung = vec![0.0; devices.len()];
         let matrices = Matrices {
             elements: &elements,
             element_parameters: &element_parameters,
@@ -242,6 +243,7 @@ proptest! {
             heights: &influence,
             storey_springs: &influence,
             devices: &devices,
+            sprung: &sprung,
         };
         let Ok(building) = Building::new(&matrices) else { return Ok(()) };
         let scaled = |matrix: &[f64], factor: f64| -> Vec<f64> { matrix.iter().map(|entry| factor * entry).collect() };

@@ -15,8 +15,8 @@ use crate::arrays::{array_of, shaped};
 ///
 /// It is called with the number of the sample, the places of the runs in the batch, displacements and velocities, shape
 /// (runs, coordinates), elongations, their rates and forces of the devices, shape (runs, devices), absolute
-/// accelerations of the floors, shape (runs, floors), the acceleration of the ground, shape (runs,), and the drifts of the
-/// measured storeys, shape (runs, measured storeys); it returns the commands, shape (runs, devices).
+/// accelerations of the floors, shape (runs, floors), acceleration and velocity of the ground, shape (runs,), and the drifts of
+/// the measured storeys, shape (runs, measured storeys); it returns the commands, shape (runs, devices).
 pub struct AskedLaw {
     law: Py<PyAny>,
     n_coordinates: usize,
@@ -56,6 +56,7 @@ impl AskedLaw {
             matrix(sample.force, self.n_devices)?,
             matrix(sample.acceleration, self.n_floors)?,
             sample.ground_acceleration.to_vec().into_pyarray(py),
+            sample.ground_velocity.to_vec().into_pyarray(py),
             matrix(sample.drift, sample.drift.len() / n_runs.max(1))?,
         );
         let answer = self.law.bind(py).call1(arguments)?;

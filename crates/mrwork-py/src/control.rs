@@ -32,6 +32,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("needs_model", spec.needs_model)?;
     entry.set_item("commands_force", spec.commands_force)?;
     entry.set_item("reads_acceleration", spec.reads_acceleration)?;
+    entry.set_item("reads_sprung", spec.reads_sprung)?;
     entry.set_item("switches", spec.switches)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);

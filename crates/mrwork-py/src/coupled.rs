@@ -47,7 +47,7 @@ impl Building {
     #[new]
     #[pyo3(signature = (
         mass, damping, stiffness, influence, floors, storeys, unit_drifts, heights, storey_springs, devices,
-        elements,
+        sprung, elements,
         varied=Vec::new()
     ))]
     #[allow(clippy::too_many_arguments)] // the matrices of one equation
@@ -62,6 +62,7 @@ impl Building {
         heights: PyReadonlyArray1<'_, f64>,
         storey_springs: PyReadonlyArray1<'_, f64>,
         devices: PyReadonlyArray2<'_, f64>,
+        sprung: PyReadonlyArray2<'_, f64>,
         elements: Vec<PassiveElement<'_>>,
         varied: Vec<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
     ) -> PyResult<Self> {
@@ -81,6 +82,7 @@ impl Building {
             heights: contiguous("heights", &heights)?,
             storey_springs: contiguous("storey_springs", &storey_springs)?,
             devices: shaped("devices", &devices, &[("devices", None), columns])?,
+            sprung: shaped("sprung", &sprung, &[("devices", Some(devices.shape()[0])), columns])?,
             elements: &rows?.concat(),
             element_parameters: &element_parameters,
         };

@@ -72,6 +72,10 @@ class Device(Summarised):
     rated_force, rated_stroke, rated_command
         Force [N], stroke [m] and largest command [A or V] that one of the dampers is made for, beyond which runs are
         told; `None` if unknown.
+    sprung
+        Displacement of the sprung mass = sprung @ q, shape (n,): the row of a floor, as of the body of a car, whose
+        absolute motion laws such as `mixed_skyhook` read; by default they read that of the upper end of the device less
+        that of its lower end.
     """
 
     _made_by: ClassVar[str] = "mr.Device(name=..., spec=..., theta=..., row=..., largest_command=...)"
@@ -89,6 +93,7 @@ class Device(Summarised):
     rated_force: Positive | None = None
     rated_stroke: Positive | None = None
     rated_command: Positive | None = None
+    sprung: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         if not self.spec.follows_command:
@@ -99,7 +104,7 @@ class Device(Summarised):
             object.__setattr__(self, "largest_command", self.largest_command or 1.0)
         elif self.lag is not None:
             self._take_lag(self.lag)
-        keep_arrays(self, "theta", "row")
+        keep_arrays(self, "theta", "row", *(["sprung"] if self.sprung is not None else []))
         n_params = len(self.spec.parameters)
         if self.draws.ndim != 2 or self.draws.shape[1] != n_params:
             raise SettingError(
@@ -211,3 +216,18 @@ def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
                 "a row of `building.storeys`"
             )
     return np.array([device.row for device in devices], dtype=np.float64)
+
+
+def sprung_rows(building: Building, devices: Sequence[Device]) -> Floats:
+    """Rows of the sprung masses of devices, shape (n_devices, n), zeros where one has none; refused as those above."""
+    rows = np.zeros((len(devices), building.n_coordinates))
+    for row, device in zip(rows, devices, strict=True):
+        if device.sprung is None:
+            continue
+        if np.shape(device.sprung) != row.shape or not np.any(device.sprung):
+            raise SettingError(
+                f"{device.name}: `sprung` has shape {np.shape(device.sprung)}; {building.name} takes {row.shape}, not "
+                "all zero: a row of `building.floors`"
+            )
+        row[:] = device.sprung
+    return rows

@@ -1,4 +1,4 @@
-"""`mrwork init`: a sample to begin with, a folder of a rig's records or a study file; nothing is replaced."""
+"""`mrwork init`: a sample to begin with, a rig's records, a study file or a car with its road; nothing is replaced."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from mrwork.records.rig_table import TABLE_NAME
 from mrwork.store.output_file import explain_failure, write_file
 from mrwork.store.run_folder import refuse_path_in_run
 
-Sample = Literal["rig", "study"]
+Sample = Literal["rig", "study", "car"]
 
-_STUDY = "study.toml"
+_STUDY, _CAR = "study.toml", "car.toml"
 # The rig was simulated: normalised_bouc_wen with its nominal parameters, but k_w = 300 + 500 i - 80 i^2 and
 # c = 1500 + 1500 i (i in A, numbers of our own), driven by sines from rest at mid-stroke, sampled at 5 ms. The sensors
 # add white noise with standard deviations of 5 um and 4 N.
@@ -28,19 +28,19 @@ _SAMPLES = files("mrwork.cli") / "samples"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the sample, a rig or a study, and the place where it is written."""
+    """Declare the sample, a rig, a study or a car, and the place where it is written."""
     parser.description = (
         "Write a sample to begin with. rig: a folder with synthetic tests of a damper and their table, tests.csv, for "
         "fit, calibration and test. study: a study of a building of three storeys, with a comment on every key. "
-        "Nothing that is there is replaced."
+        "car: a folder with a study of a quarter car on a random road and a bump. Nothing that is there is replaced."
     )
     parser.epilog = examples("mrwork init rig my_rig", "mrwork init study my_study.toml")
-    parser.add_argument("sample", choices=get_args(Sample), metavar="SAMPLE", help="rig or study")
+    parser.add_argument("sample", choices=get_args(Sample), metavar="SAMPLE", help="rig, study or car")
     parser.add_argument(
         "place",
         type=named_path,
         metavar="PLACE",
-        help=f"of a rig a folder, new or empty; of a study a file .toml, or a folder for {_STUDY}",
+        help=f"of a rig or a car a folder, new or empty; of a study a file .toml, or a folder for {_STUDY}",
     )
     end_parser(parser, run, quiet="")
 
@@ -51,7 +51,7 @@ _Written = tuple[str, list[Path], list[str]]
 
 def run(options: argparse.Namespace) -> int:
     """Write the sample and print what can be done with it."""
-    write = _write_rig if options.sample == "rig" else _write_study
+    write = {"rig": _write_rig, "study": _write_study, "car": _write_car}[options.sample]
     what, written, commands = write(options.place)
     document = {"sample": options.sample, "files": list(map(str, written)), "next": commands}
     lines = [f"Written: {what}", "", "Next:", *(f"  {line}" for line in commands)]
@@ -60,10 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _write_rig(folder: Path) -> _Written:
-    _refuse_what_is_there(folder, within=True)
-    contents = {path.name: path.read_bytes() for path in (_SAMPLES / "rig").iterdir()}
-    for name, content in contents.items():
-        write_file(folder / name, content)
+    contents = _write_folder("rig", folder)
     rig, run = shlex.quote(str(folder)), shlex.quote(str(Path("out") / (folder.name or "rig")))
     table = folder / TABLE_NAME
     tests = sorted(folder / name for name in contents if name != TABLE_NAME)
@@ -83,6 +80,22 @@ def _write_study(path: Path) -> _Written:
     name = shlex.quote(str(file))
     commands = [f"mrwork respond {name}", f"mrwork tune {name} --quick"]
     return f"{file}, three storeys with one damper", [file], commands
+
+
+def _write_car(folder: Path) -> _Written:
+    contents = _write_folder("car", folder)
+    name = shlex.quote(str(folder / _CAR))
+    commands = [f"mrwork respond {name}", f"mrwork tune {name} --quick"]
+    return f"{folder}, a quarter car on two roads", sorted(folder / name for name in contents), commands
+
+
+def _write_folder(sample: str, folder: Path) -> list[str]:
+    """Write the files of a sample into a new or empty folder; their names."""
+    _refuse_what_is_there(folder, within=True)
+    contents = {path.name: path.read_bytes() for path in (_SAMPLES / sample).iterdir()}
+    for name, content in contents.items():
+        write_file(folder / name, content)
+    return [*contents]
 
 
 def _refuse_what_is_there(path: Path, *, within: bool = False) -> None:

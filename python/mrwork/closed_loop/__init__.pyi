@@ -1,5 +1,6 @@
 from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
 from .evaluation import criteria as criteria
+from .frequency_weighting import frequency_weighted as frequency_weighted
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
 from .responses import History as History

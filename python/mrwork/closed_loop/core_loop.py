@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.device import Device, elongation_rows
+from mrwork.buildings.device import Device, elongation_rows, sprung_rows
 from mrwork.buildings.groups import commanded, groups_of
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
@@ -271,6 +271,7 @@ def _core_building(
             heights=building.heights if building.heights.size else np.zeros(len(building.storeys)),
             storey_springs=building.storey_springs,
             devices=elongation_rows(building, devices),
+            sprung=sprung_rows(building, devices),
             elements=building.elements,
             varied=varied,
         )

@@ -6,8 +6,8 @@ Ohtori), the thesis to the value at i = 0. `||.||` is the root mean square over 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +24,7 @@ from mrwork.buildings.building_remarks import DRIFT_RATIOS
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.responses import quantity_named
+from mrwork.errors import SettingError
 
 Scale = Literal["", "weight", "height", "yield drift", "stability"]
 
@@ -103,7 +104,7 @@ class Criterion:
     i = 0, and in A or V unless it is `counted`, which jumps by whole counts. One that is `optional` may be unknown: in
     earlier files, where its scale is, or where commands have two units. `usual` is the range of its limits in SI,
     `None` where they are of any size. `over` names the criterion of the building without dampers in the denominator, if
-    it is another one. `short` is the title in a narrow column.
+    it is another one. `short` is the title in a narrow column. One `at` a place is of one floor, storey or device.
     """
 
     name: str
@@ -120,6 +121,36 @@ class Criterion:
     counted: bool = False
     optional: bool = False
     usual: tuple[float, float] | None = None
+    place: str = ""
+
+    def at(self, place: str) -> Criterion:
+        """The criterion at a floor, storey or device alone, by its name; one of the whole building is refused."""
+        if quantity_named(self.quantity).axis == "run" or self.of_roof or self.summed:
+            raise SettingError(
+                f"{self.name} is one number of the whole building, and has no place; leave out @{place}"
+            )
+        name, title, short = f"{self.name}@{place}", f"{self.title}, {place}", f"{self.short} {place}"
+        return replace(
+            self,
+            name=name,
+            title=title,
+            short=short,
+            of_quantity=self.quantity,
+            place=place,
+            labels=(),
+            over="",
+        )
+
+    def check_place(self, axes: Mapping[str, Sequence[str]]) -> None:
+        """Refuse a place that is none of the labels along the axis of the quantity."""
+        axis = quantity_named(self.quantity).axis
+        if not self.place or self.place in axes[axis]:
+            return
+        other = next((other for other in ("floor", "storey", "device") if self.place in axes[other]), "")
+        why = f"{self.place!r} is a {other}" if other else f"nothing is called {self.place!r}"
+        raise SettingError(
+            f"{self.name}: {why}, and {self.name.partition('@')[0]} is of a {axis}; give one of {', '.join(axes[axis])}"
+        )
 
     @property
     def quantity(self) -> str:
@@ -172,6 +203,10 @@ class Criterion:
             shears = np.asarray(getattr(responses, "peak_storey_shear", np.nan))
             values = scales.divide(values, self.scale, shears)
         axis = quantity_named(self.quantity).axis
+        if self.place:
+            axes: Mapping[str, Sequence[str]] = getattr(responses, "axes")  # noqa: B009 - of runs of a study
+            self.check_place(axes)
+            values = values[..., [axes[axis].index(self.place)]]
         if axis == "device":
             # What a run does not have, NaN, counts as nothing: without devices the largest force is zero.
             values = np.where(np.isnan(values), 0.0, values)
@@ -185,7 +220,7 @@ class Criterion:
 
 
 def criteria() -> tuple[Criterion, ...]:
-    """Every criterion, in the order of tables.
+    """Every criterion of a run in the order of tables; a study may also ask for one at a place, as ``peak_drift@tyre``.
 
     Examples
     --------
@@ -197,14 +232,23 @@ def criteria() -> tuple[Criterion, ...]:
 
 
 def criterion(name: str) -> Criterion:
-    """The criterion of a name, such as `peak_drift`; an unknown name is refused with those that there are."""
-    check_known(name, [entry.name for entry in _CRITERIA], f"no criterion is called {name!r}")
-    return next(entry for entry in _CRITERIA if entry.name == name)
+    """The criterion of a name, such as `peak_drift`, or `peak_drift@tyre` at a place; an unknown name is refused."""
+    base, at, place = name.partition("@")
+    known = {entry.name: entry for entry in (*_CRITERIA, *_ON_REQUEST)}
+    check_known(base, [*known], f"no criterion is called {base!r}")
+    return known[base].at(place) if at else known[base]
 
 
-def values(responses: object, scales: Scales) -> dict[str, Floats]:
-    """Every criterion of `responses`, which has the quantities of runs as attributes."""
-    return {entry.name: entry.value(responses, scales) for entry in _CRITERIA}
+def on_request(names: Iterable[str]) -> tuple[str, ...]:
+    """The names of criteria that not every run has: at a place, or from histories; each once."""
+    every = {entry.name for entry in _CRITERIA}
+    return tuple(dict.fromkeys(name for name in names if name not in every))
+
+
+def values(responses: object, scales: Scales, asked: Sequence[str] = ()) -> dict[str, Floats]:
+    """Every criterion of `responses`, which has the quantities of runs as attributes, and those that are asked for."""
+    entries = (*_CRITERIA, *map(criterion, asked))
+    return {entry.name: entry.value(responses, scales) for entry in entries}
 
 
 def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
@@ -339,3 +383,13 @@ _CRITERIA = (
     Criterion(name="storey_energy", title="Energy taken up by storeys that yield", short="Frame energy",
         summed=True, ratio=False, optional=True),
 )  # fmt: skip
+
+_ON_REQUEST = (
+    Criterion(
+        name="weighted_acceleration",
+        title="Acceleration weighted by W_k",
+        short="W_k acc.",
+        optional=True,
+        usual=(0.01, 20.0),
+    ),
+)

@@ -81,10 +81,19 @@ def _make_quantities(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quan
     )
 
 
+WEIGHTED = Quantity(
+    name="weighted_acceleration",
+    axis="floor",
+    unit="m/s^2",
+    description="rms of the absolute acceleration weighted by W_k, from the history",
+)
+"""What a run has where its history is kept and a criterion of it is asked for."""
+
+
 @cache
 def quantity_named(name: str) -> Quantity:
     """A quantity of a run or a signal of its history."""
-    return {signal.name: signal for signal in (*history_signals(), *run_quantities())}[name]
+    return {signal.name: signal for signal in (*history_signals(), *run_quantities(), WEIGHTED)}[name]
 
 
 def in_command_unit(unit: str, command_unit: str) -> str:

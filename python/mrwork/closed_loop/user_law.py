@@ -32,7 +32,7 @@ _COMMANDS = node_of(AnyNumbers)
 _LARGEST_READING = 1e30
 
 Ask = Callable[
-    [int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats], Floats
+    [int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats], Floats
 ]
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
 
@@ -81,6 +81,9 @@ class LoopSample(Summarised):
     ground_acceleration
         Acceleration of the ground as its sensor reads it, shape (n_runs,) [m/s^2]; of a record finer than the
         integration step the mean over the step before.
+    ground_velocity
+        Its integral from rest, shape (n_runs,) [m/s]: coordinates that are moved by the ground have this velocity more
+        than that relative to it.
     drift
         Drifts of the storeys with a sensor, in the order of the hardware, shape (n_runs, n_measured_storeys) [m].
     largest
@@ -94,6 +97,7 @@ class LoopSample(Summarised):
         "displacement": "m",
         "velocity": "m/s",
         **RunningRms._units,
+        "ground_velocity": "m/s",
         "largest": "A, V or N",
     }
 
@@ -107,6 +111,7 @@ class LoopSample(Summarised):
     force: Floats
     acceleration: Floats
     ground_acceleration: Floats
+    ground_velocity: Floats
     drift: Floats
     largest: Floats
     rms: RunningRms | None = None
@@ -234,13 +239,16 @@ class UserLaw(Summarised):
             None if self.rms_time is None else _Fading(len(runs), math.exp(-sample_time / self.rms_time))
         )
 
-        def ask(number: int, places: NDArray[np.uintp], *readings: Floats) -> Floats:
+        def ask(number: int, places: NDArray[np.uintp], *measured: Floats) -> Floats:
+            *readings, ground_velocity, drift = measured
+            readings.append(drift)
             memory_rows = np.zeros((len(places), self.n_memory)) if number == 0 else memory[places]
             sample = LoopSample(
                 time=number * sample_time,
                 candidate=runs[places, 0].astype(np.intp),
                 motion=runs[places, 1].astype(np.intp),
                 **dict(zip(("displacement", "velocity", *RunningRms._units), readings, strict=True)),
+                ground_velocity=ground_velocity,
                 largest=largest,
                 rms=None if running is None else running.take(number, places, readings[2:]),
             )

@@ -8,6 +8,9 @@ from .ground_motion import time_scaled as time_scaled
 from .ground_motion import trimmed as trimmed
 from .read import read_motion as read_motion
 from .read import read_motions as read_motions
+from .roads import iso_8608_road as iso_8608_road
+from .roads import read_road as read_road
+from .roads import road_motion as road_motion
 from .spectral_density import CloughPenzien as CloughPenzien
 from .spectral_density import KanaiTajimi as KanaiTajimi
 from .spectral_density import fitted_spectrum as fitted_spectrum

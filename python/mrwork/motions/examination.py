@@ -1,7 +1,8 @@
 """What a colleague would ask about a ground motion: its step, its size, its mean, wild samples and clipped peaks.
 
-A motion without such faults has no remarks. Limits lie between measured records with their
-processing, and the slips and faults of loggers, units and tables.
+Of a road: kerbs, a slope at its start, its step and the unit of its heights. A motion without such faults has no
+remarks. Limits lie between measured records with their processing, and the slips and faults of loggers, units and
+tables.
 """
 
 from __future__ import annotations
@@ -137,3 +138,51 @@ def _drift(velocity: Floats, dt: float) -> float:
     (spread, common), (_, total) = np.cov(dt * np.arange(velocity.size), velocity)
     drift = 0.5 * abs(float(common / spread)) * (dt * velocity.size) ** 2
     return drift if drift > _DRIFT and common**2 > _EXPLAINED * spread * total else 0.0
+
+
+# Wheels hop at 10 to 15 Hz, and the spline needs several samples of a wave [s].
+_COARSE = 1.0 / 120.0
+# Vertical velocities [m/s]: 1 % of 36 km/h at the start, and more than wheels follow anywhere.
+_FIRST_RISE, _STEEPEST = 0.1, 20.0
+# A kerb: a step [m] that is so many times those beside it, and those of all but one sample in a hundred.
+_KERB, _OVER_NEXT, _OVER_MOST = 1e-3, 5.0, 3.0
+
+_ROAD_COARSE: Final = RemarkKind(
+    "road_coarse",
+    "road {0}: its step is {value:.3g} s, and the hop of wheels at 10 to 15 Hz takes 1/120 s or less",
+    "give heights at a spacing of the speed / 120 Hz or less",
+)
+_ROAD_KERB: Final = RemarkKind(
+    "road_kerb",
+    "road {0}: at {at:.4g} s it changes by {value:.3g} m from one sample to the next, as at a kerb; the spline "
+    "overshoots by 11 %, and peaks of the tyre are some 10 % too large (such steps: {count})",
+    "round the kerb over the length in which the tyre touches the road, about 0.1 m",
+)
+_ROAD_SLOPE: Final = RemarkKind(
+    "road_slope",
+    "road {0}: it begins with a slope, on which it rises or falls by {value:.3g} m/s, and the spline begins level",
+    "let the profile begin level: cut it where it is, or fade its heights in",
+)
+_ROAD_STEEP: Final = RemarkKind(
+    "road_steep",
+    "road {0}: it rises or falls by up to {value:.3g} m/s, more than wheels follow",
+    "check the unit of its heights, and the speed",
+)
+
+
+def road_remarks(name: str, heights: Floats, dt: float) -> Iterator[Remark]:
+    """Remarks on a road of these heights [m], shape (n_time,), every `dt` [s]."""
+    steps = np.abs(np.diff(heights))
+    if dt > _COARSE * (1.0 + 1e-9):
+        yield _ROAD_COARSE.remark(name, measured=Measured(dt, "s"))
+    if (rise := float(steps[0]) / dt) > _FIRST_RISE:
+        yield _ROAD_SLOPE.remark(name, measured=Measured(rise, "m/s"))
+    beside = np.maximum(np.append(0.0, steps[:-1]), np.append(steps[1:], 0.0))
+    least = max(_KERB, _OVER_MOST * float(np.quantile(steps, 0.99)))
+    kerbs = np.flatnonzero((steps > _OVER_NEXT * beside) & (steps > least))
+    if kerbs.size:
+        first = int(kerbs[0])
+        measured = Measured(float(steps[first]), "m")
+        yield _ROAD_KERB.remark(name, measured=measured, at=dt * (first + 1), count=kerbs.size)
+    elif (fastest := float(steps.max()) / dt) > _STEEPEST:
+        yield _ROAD_STEEP.remark(name, measured=Measured(fastest, "m/s"))

@@ -22,7 +22,7 @@ from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import MrworkWarning, RecordError, SettingError
-from mrwork.motions.examination import motion_remarks, refuse_absurd
+from mrwork.motions.examination import motion_remarks, refuse_absurd, road_remarks
 
 
 @checked
@@ -33,7 +33,8 @@ class GroundMotion(Plotted, Summarised):
     `forces` [N], shape (n_floors, n_time), empty by default, act on the floors of a building at the same times, linear
     between samples and zero after the last; both may act at once. `force_motion` has forces over a ground at rest.
     `source` states its origin; `changes` lists the processing since, in order. `groups` name what it has in common with
-    others, such as its soil; tables of a study have the score of each group.
+    others, such as its soil; tables of a study have the score of each group. `is_road` says that the ground is a road
+    under a vehicle (`road_motion`), whose size is not that of earthquakes.
     """
 
     _made_by: ClassVar[str] = "mr.read_motion(path)"
@@ -45,6 +46,7 @@ class GroundMotion(Plotted, Summarised):
     changes: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
     forces: AnyNumbers = field(default_factory=lambda: np.empty((0, 0)))
+    is_road: bool = False
 
     def __post_init__(self) -> None:
         keep_arrays(self, "acceleration", "forces")
@@ -113,7 +115,7 @@ class GroundMotion(Plotted, Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """On a step, a size or a mean that no accelerogram has, on wild samples and on clipped peaks."""
+        """On a step, size or mean that no accelerogram has, wild samples, clipped peaks; of a road on its heights."""
         return examined(self, scaled=False)
 
     def _summary(self) -> Summary:
@@ -134,6 +136,8 @@ def examined(motion: GroundMotion, *, scaled: bool) -> tuple[Remark, ...]:
     """The `remarks` of a motion; of one that is to be scaled to an intensity, none on its size."""
     if motion.forces.size and not motion.peak:
         return ()
+    if motion.is_road:
+        return tuple(road_remarks(motion.name, motion.displacement, motion.dt))
     return tuple(motion_remarks(motion.name, motion.acceleration, motion.velocity, motion.dt, scaled=scaled))
 
 
@@ -341,7 +345,8 @@ def scaled_level(motion: GroundMotion, found: float, value: float, words: str) -
         raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to {words}")
     change = f"scaled from {words} of {found:.6g} to {value:.6g} m/s2"
     acceleration = motion.acceleration * (value / found)
-    refuse_absurd(acceleration, source=f"ground motion {motion.name} with {words} of {value:.6g} m/s2")
+    if not motion.is_road:
+        refuse_absurd(acceleration, source=f"ground motion {motion.name} with {words} of {value:.6g} m/s2")
     return replace_samples(motion, acceleration, motion.dt, change)
 
 

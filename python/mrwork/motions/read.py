@@ -50,7 +50,11 @@ from mrwork.motions.networks import (
 from mrwork.store.input_file import RECORD, bytes_of, is_file, is_folder
 
 # "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
-_ACCELERATION: Final = re.compile(r"(ground[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE)
+_ACCELERATION: Final = re.compile(
+    r"((ground|road)[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE
+)
+# "road_acceleration_mps2", of a road under a vehicle.
+_ACCELERATION_OF_ROAD: Final = re.compile(r"road[\s_-]*a", re.IGNORECASE)
 # Directions and channels: N-S, EW, U(+), N00E, H1, CANAL-1.
 _LABEL: Final = re.compile(
     r"[A-Z]{1,2}[-_.]?[A-Z0-9]{0,4}(\([+-]\))?|[a-z]{1,2}\d?|(?i:canal|ch[a-z]*|comp[a-z]*|col[a-z]*)[-_. ]?\d{1,2}"
@@ -139,6 +143,7 @@ def _motion_of_table(
         raise SettingError(
             f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
         )
+    _refuse_displacement(table, [name] if name else [] if candidates else free, source)
     likely = name or next(iter(free), "")
     column_unit = _stem_and_unit(likely)[1] or table.units.get(likely, "")
     symbol = column_unit or facts.unit
@@ -179,7 +184,20 @@ def _motion_of_table(
         source=path.name if stated.column is None else f"'{name}' of {path.name}",
         where=lambda row: f"{path}: {table.locate(row)}",
     )
-    return motion if time is not None or dt is None else replace(motion, dt=dt)
+    is_road = _ACCELERATION_OF_ROAD.match(name) is not None
+    return replace(motion, is_road=is_road, dt=motion.dt if time is not None or dt is None else dt)
+
+
+def _refuse_displacement(table: ColumnTable, names: Sequence[str], source: str) -> None:
+    """Refuse a table whose column is a displacement, and point to what takes a road."""
+    for name in names:
+        unit = words_and_unit(name)[1] or table.units.get(name, "")
+        if factor_of(unit, "displacement") is not None:
+            raise RecordError(
+                f"{source}: column '{name}' is a displacement [{unit}], and a ground motion is an acceleration; give "
+                f'heights of a road as road = "{Path(source).name}" in [[motion]], or to mr.motions.read_road, and '
+                "of an earthquake the acceleration"
+            )
 
 
 def _time_for(
@@ -484,7 +502,8 @@ def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
             form = PEER_AT2 if form is TABLE and path.suffix.lower() == ".at2" and has_header else form
             refuse_needless(stated, form.needs, source=str(path), kind=form.name)
             motion = form.read(lines, stated)
-    refuse_absurd(motion.acceleration, source=str(path))
+    if not motion.is_road:
+        refuse_absurd(motion.acceleration, source=str(path))
     return motion if stated.channel is None else replace(motion, name=f"{path.stem}_{stated.channel}")
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from mrwork.base import arguments
 from mrwork.base.summary import named
 from mrwork.base.table import csv_text
-from mrwork.closed_loop.evaluation import criteria
 from mrwork.dampers.tested_range import covering, worst_of
 from mrwork.errors import RecordError
 from mrwork.store.codec import built, json_document
@@ -114,10 +113,14 @@ def results_of_folder(run: RunFolder) -> StudyResults:
     with run.explained(RUNS):
         groups = read_netcdf(content, run.file(RUNS))
         unit = stated["command_unit"]
-        quantities = Runs.from_arrays(groups[""], study_quantities(unit), NOMINAL)
+        every = {quantity.name for quantity in study_criteria(unit)}
+        asked = [name for name in groups[_CRITERIA].arrays if name not in {*every, "outcome"}]
+        quantities = Runs.from_arrays(groups[""], study_quantities(unit, asked), NOMINAL)
         if _HALF in groups:
-            quantities = quantities.beside(Runs.from_arrays(groups[_HALF], study_quantities(unit), HALF_STEP))
-        criteria_of_runs = Runs.from_arrays(groups[_CRITERIA], study_criteria(unit))
+            quantities = quantities.beside(
+                Runs.from_arrays(groups[_HALF], study_quantities(unit, asked), HALF_STEP)
+            )
+        criteria_of_runs = Runs.from_arrays(groups[_CRITERIA], study_criteria(unit, asked))
     labels, names = [row.label for row in stated["rows"]], stated["motions"].names
     return StudyResults(
         quantities=quantities,
@@ -257,7 +260,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
         "demand": asdict(covering([demand.demand for demand in demands])) if demands else None,
         "bands": {
             entry.name: asdict(band)
-            for entry in criteria()
+            for entry in results.criteria_of_runs.entries
             if (band := criterion_band(results, row, motion, entry.name))
         },
     }
@@ -296,7 +299,7 @@ def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] 
 
 
 def _criteria_csv(results: StudyResults) -> str:
-    entries, quantities = criteria(), results.quantities
+    entries, quantities = results.criteria_of_runs.entries, results.quantities
     units = {quantity.name: quantity.unit.replace("^", "") for quantity in results.criteria_of_runs.declared}
     heads = [f"{entry.name} [{units[entry.name]}]" for entry in entries]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]

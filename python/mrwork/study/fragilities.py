@@ -411,7 +411,10 @@ def fragility(
     limits = limit if limit is not None else results.limit or COLLAPSE
     ((name, value),) = limit_of(limits, results.command_unit, results.building.scales).items()
     at = results.motions.by_record
-    responses = results.criteria_of_runs.up_to_collapse(name)[:, :, 0]
+    runs = results.criteria_of_runs
+    if name not in runs.numbers:
+        runs = results.quantities.criteria(results.building.scales, results.command_unit, (name,))
+    responses = runs.up_to_collapse(name)[:, :, 0]
     outside = np.zeros(responses.shape)
     for run, demands in results.demanded.items():
         outside[run] = any(demand.outside.exceedances for demand in demands)

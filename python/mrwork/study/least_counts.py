@@ -20,7 +20,7 @@ from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats
 from mrwork.buildings.groups import commanded
-from mrwork.closed_loop.evaluation import Scales, criterion, searched
+from mrwork.closed_loop.evaluation import Scales, criterion, on_request, searched
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.errors import Interrupted, SettingError
 from mrwork.study.arrangements import baseline_building
@@ -31,7 +31,7 @@ from mrwork.study.loop_case import LoopCase, scales_of
 from mrwork.study.reading import counted_study
 from mrwork.study.row_kinds import Kind
 from mrwork.study.run import run_study
-from mrwork.study.runs import candidate_axes, runs_of
+from mrwork.study.runs import asking, asks_for_weighted, candidate_axes, runs_of
 from mrwork.study.schema import BaselineTable
 from mrwork.study.study import Arrangement, Row, Study
 from mrwork.study.trials import designed
@@ -181,7 +181,7 @@ class _Trials:
                     replace(progress, said=(_counts_in_words(counts, self.places), *progress.said))
                 )
 
-        study = counted_study(self.study, counts)
+        study = asking(counted_study(self.study, counts), (self.criterion,))
         compared = tuple(arrangement for arrangement in study.arrangements if arrangement.row.what.is_counted)
         study = designed(replace(study, arrangements=compared), on_progress=report)
         results = run_study(study, on_progress=report, threads=self.threads)
@@ -259,8 +259,10 @@ class _Stated(_Trials):
             # No optimum is known of a tuned mass that weighs more than its mode.
             return np.array([np.inf])
         of = replace(self.arrangement, building=building)
+        asked = on_request((self.criterion,))
         case = LoopCase(arrangement=of, motions=motions, hardware=study.hardware, threads=self.threads)
-        runs = runs_of(case.responses(), of, candidate_axes(1, motions, 1))
+        responses = case.responses(histories=asks_for_weighted(asked))
+        runs = runs_of(responses, of, candidate_axes(1, motions, 1), asked)
         self.runs += len(motions)
         judged = criterion(self.criterion)
         # Dashpots that a search takes out have no stroke.

@@ -23,7 +23,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import on_floors
 from mrwork.study.realisations import Realisations, nominal
-from mrwork.study.runs import Runs, candidate_axes, numbered, runs_of
+from mrwork.study.runs import Runs, asks_for_weighted, candidate_axes, numbered, runs_of
 from mrwork.study.study import Arrangement, Study, StudyLaw
 
 OnBlock = Callable[[int, int], None]
@@ -41,7 +41,8 @@ def unobserved(hardware: Hardware) -> Hardware:
 class LoopCase:
     """An arrangement under motions, with hardware, and realisations or none: what a study or a tuning simulates.
 
-    With `dampers_only` its peak stroke is that of dampers, also where isolators have one.
+    With `dampers_only` its peak stroke is that of dampers, also where isolators have one. Criteria `asked` for are
+    those on request, as at a place.
     """
 
     arrangement: Arrangement
@@ -51,6 +52,7 @@ class LoopCase:
     threads: int = 0
     on_block: OnBlock | None = None
     dampers_only: bool = False
+    asked: tuple[str, ...] = ()
 
     def under(self, law: StudyLaw | None, devices: Sequence[Device] = ()) -> LoopCase:
         """The case under a law, perhaps with other devices in the places of the own ones."""
@@ -141,14 +143,16 @@ class LoopCase:
             ),
             largest_commands=largest_commands,
             shaping=shaping,
+            histories=asks_for_weighted(self.asked),
         )
         if changes is not None:
             responses = _beside(responses)
-        runs = runs_of(responses, arrangement, candidate_axes(responses.shape[0], self.motions, count))
+        axes = candidate_axes(responses.shape[0], self.motions, count)
+        runs = runs_of(responses, arrangement, axes, self.asked)
         if self.dampers_only:
             strokes = runs.numbers["peak_stroke"][..., : len(devices)]
             runs = replace(runs, numbers={**runs.numbers, "peak_stroke": strokes})
-        return runs.criteria(scales_of(arrangement), command_unit_of(devices))
+        return runs.criteria(scales_of(arrangement), command_unit_of(devices), self.asked)
 
 
 def training_case(study: Study, *, threads: int = 0, on_block: OnBlock | None = None) -> LoopCase:
@@ -159,6 +163,7 @@ def training_case(study: Study, *, threads: int = 0, on_block: OnBlock | None = 
         hardware=study.hardware,
         threads=threads,
         on_block=on_block,
+        asked=study.asked,
     )
 
 

@@ -39,6 +39,7 @@ from mrwork.motions.ground_motion import (
 )
 from mrwork.motions.networks import Stated
 from mrwork.motions.read import motion_files, motion_of_file
+from mrwork.motions.roads import iso_8608_road, road_of_file
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.spectrum import Intensity, scaled_from, spectral_intensity
 from mrwork.motions.synthetic import suite, synthetic_motion
@@ -46,7 +47,7 @@ from mrwork.motions.targets import TargetSpectrum, scaled_to_target
 from mrwork.study.schema import MotionTable
 from mrwork.study.study import MotionOfStudy
 
-_SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
+_SYNTHETIC_STEP, _ROAD_STEP, _SYNTHETIC_DURATION = 0.01, 0.001, 30.0
 
 T = TypeVar("T")
 
@@ -134,7 +135,8 @@ def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOf
             )
         scaled = list(_scale(bare.ground, bare.table, aims))
         for ground, *_ in scaled:
-            refuse_absurd(ground.acceleration, source=f"motion {ground.name!r}")
+            if not ground.is_road:
+                refuse_absurd(ground.acceleration, source=f"motion {ground.name!r}")
     return [
         MotionOfStudy(
             ground=ground,
@@ -178,12 +180,20 @@ def _grounds(
         with keyed("force"):
             motion = read_forces(path, floors, shares=shares, **named(table, "unit", "dt"))
         yield replace(motion, name=table.name or motion.name), path.resolve()
+    elif table.road is not None:
+        with keyed("road"):
+            path = folder / table.road
+            road = road_of_file(path, **named(table, "speed", "unit", "column", "dt"))
+            yield replace(road, name=table.name or road.name), path.resolve()
     elif isinstance(file, GroundMotion):
         yield replace(file, name=table.name or file.name), None
     elif table.suite is not None:
         with keyed("suite"):
             for motion in suite(**table.suite.of(suite), rng=seed, dt=step, name=table.name):
                 yield motion, None
+    elif table.road_class is not None and table.speed is not None:
+        settings = named(table, "speed", "name") | {"duration": table.duration or _SYNTHETIC_DURATION}
+        yield iso_8608_road(table.road_class, **settings, rng=seed, dt=table.dt or _ROAD_STEP), None
     elif table.synthetic is not None:
         duration = table.duration or _SYNTHETIC_DURATION
         name = table.name or table.synthetic.replace("_", "-").title()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -44,6 +44,7 @@ from mrwork.study.dampers import Identified, chosen_damper, condensed_for, equip
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
 from mrwork.study.realisations import realisations_of
+from mrwork.study.runs import asking
 from mrwork.study.schema import (
     PASSIVE_OFF,
     ControllerTable,
@@ -283,6 +284,14 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
     )
     if all(arrangement.named is None for arrangement in compared):
         study.check_readings()
+    named_in: tuple[tuple[KeyPath, Iterable[str]], ...] = (
+        (("report", "criteria"), table.report.criteria),
+        (("report", "limit"), limit),
+        *((("tune", number), tune.judged_by) for number, tune in enumerate(inputs.tunes)),
+    )
+    for keys, names in named_in:
+        with keyed(*keys):
+            study = asking(study, names)
     return study
 
 
@@ -299,6 +308,10 @@ def _check_suite(aims: Aims, motions: Sequence[MotionOfStudy]) -> SuiteCheck | N
     if aims.target is None or len({motion.record for motion in judged}) < len(judged):
         return None
     with keyed("target"):
+        if road := next((motion.name for motion in judged if motion.ground.is_road), ""):
+            raise SettingError(
+                f"the target is a spectrum of earthquakes, and {road} is a road; leave [target] out"
+            )
         return check_suite([motion.ground for motion in judged], aims.target, period=aims.target_period)
 
 

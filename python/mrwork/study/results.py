@@ -335,7 +335,9 @@ class StudyResults(Plotted, Summarised):
         whole, half = self.criteria(row, motion), self.criteria(row, motion, 1) if self.step_checked else None
         if whole is None or half is None:
             return None
-        changes = {name: (abs(half[name] - value), abs(value)) for name, value in whole.items()}
+        # Histories of the half step are not kept.
+        both = {name: (half[name], value) for name, value in whole.items() if name in half}
+        changes = {name: (abs(half - value), abs(value)) for name, (half, value) in both.items()}
         return {
             name: change / size if size else math.inf if change else 0.0
             for name, (change, size) in changes.items()
@@ -453,7 +455,7 @@ class StudyResults(Plotted, Summarised):
         """Ratio of every criterion to a row, or the first of a kind; NaN without one, or if a run did not finish."""
         reference = self.row_of(against) if isinstance(against, str) else against
         if reference is None:
-            return dict.fromkeys((entry.name for entry in criteria()), math.nan)
+            return dict.fromkeys((entry.name for entry in self.criteria_of_runs.entries), math.nan)
         return {name: float(ratios[row, motion]) for name, ratios in self.ratios_over(reference).items()}
 
     @arguments.checked
@@ -572,13 +574,18 @@ class StudyResults(Plotted, Summarised):
         )
 
 
+# What criteria of runs have beside them.
+_ERROR: Final = "energy_error"
 # Most motions of which a summary has the drifts.
 _MOTIONS_SHOWN: Final = 5
 
 
 def known_criteria(numbers: Mapping[str, Any]) -> dict[str, float]:
     """Every criterion, NaN where there is none, and an optional one only where it is known."""
-    values = {entry: float(numbers.get(entry.name, math.nan)) for entry in criteria()}
+    names = dict.fromkeys(
+        [*(entry.name for entry in criteria()), *(name for name in numbers if name != _ERROR)]
+    )
+    values = {criterion(name): float(numbers.get(name, math.nan)) for name in names}
     return {
         entry.name: value for entry, value in values.items() if not (entry.optional and math.isnan(value))
     }

@@ -11,7 +11,7 @@ from mrwork.closed_loop.responses import history_signals
 from mrwork.study.course import What
 from mrwork.study.histories import RunHistory, history_of
 from mrwork.study.loop_case import LoopCase
-from mrwork.study.runs import Runs, knows_least_strokes, runs_of
+from mrwork.study.runs import Runs, asks_for_weighted, knows_least_strokes, runs_of
 from mrwork.workers.engine import present_workers
 
 # Histories that are simulated together need about so much memory [bytes].
@@ -66,7 +66,7 @@ class RowRuns:
             on_block=on_block and (lambda done, _: on_block(before + done, total)),
         )
         responses = part.responses(motion_numbers=motions, histories=detailed, step_factor=step_factor)
-        runs = runs_of(responses, case.arrangement, among.part(motions=motions).axes)
+        runs = runs_of(responses, case.arrangement, among.part(motions=motions).axes, case.asked)
         if responses.histories is not None:
             histories = dict(zip(motions, responses.histories, strict=True))
             for motion in self._stored(motions, runs):
@@ -76,10 +76,12 @@ class RowRuns:
     def _batches(self) -> Iterator[tuple[list[int], bool]]:
         """Motions that are simulated together, and whether with their histories; these must fit into memory together.
 
-        Small strokes leave the tested range of some dampers: the least stroke of a run is known from its history.
+        Small strokes leave the tested range of some dampers: the least stroke of a run is known from its history, as
+        are weighted accelerations.
         """
         case, every = self.case, list(range(len(self.case.motions)))
-        detailed = every if knows_least_strokes(case.arrangement) else [*self.stored]
+        from_all = knows_least_strokes(case.arrangement) or asks_for_weighted(case.asked)
+        detailed = every if from_all else [*self.stored]
         needed = self._bytes_per_second * np.array([motion.duration for motion in case.motions])
         # Workers send none back: this process simulates the runs with histories.
         if not detailed or (needed.sum() < _MOST_BYTES and present_workers() is None):

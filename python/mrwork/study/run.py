@@ -91,6 +91,7 @@ def run_study(
                 realisations=study.realisations if step.what == "realisations" else None,
                 threads=threads,
                 on_block=course.advance,
+                asked=study.asked,
             )
             if step.what == "constant commands":
                 rows[step.row], choice = chosen(replace(case, motions=study.chosen_on), call, shares)
@@ -130,7 +131,8 @@ class _SoFar:
             "runs with half the step": (HALF_STEP,) if check_step else (),
             "realisations": numbered(len(study.realisations or ())),
         }
-        quantities, criteria = study_quantities(study.command_unit), study_criteria(study.command_unit)
+        unit, asked = study.command_unit, study.asked
+        quantities, criteria = study_quantities(unit, asked), study_criteria(unit, asked)
         runs = {
             what: Runs.empty(
                 {**axes, "realisation": labels, **own_axes(study.arrangements)},
@@ -145,5 +147,5 @@ class _SoFar:
         rows = [arrangement.row for arrangement in self.arrangements]
         done = nominal.beside(halved).with_labels("row", [row.label for row in rows])
         scales = Scales.of_rows([*map(scales_of, self.arrangements)], 2)
-        criteria = done.criteria(scales, self.study.command_unit).beside(realised)
+        criteria = done.criteria(scales, self.study.command_unit, self.study.asked).beside(realised)
         return judged_by_demand(StudyResults.of(self.study, rows, done, criteria, self.choices), self.study)

@@ -18,9 +18,22 @@ from numpy.typing import NDArray
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.closed_loop.evaluation import SCORE, Scales, criteria, ratio, score, values
+from mrwork.closed_loop.evaluation import (
+    SCORE,
+    Criterion,
+    Scales,
+    criteria,
+    criterion,
+    on_request,
+    ratio,
+    score,
+    values,
+)
+from mrwork.closed_loop.frequency_weighting import frequency_weighted
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
+    WEIGHTED,
+    History,
     Labelled,
     Quantity,
     Responses,
@@ -34,7 +47,7 @@ from mrwork.dampers.tested_range import least_stroke
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
-from mrwork.study.study import Arrangement, commands_force
+from mrwork.study.study import Arrangement, Study, commands_force
 
 Axes = Mapping[str, tuple[str, ...]]
 """Labels along each axis by its name."""
@@ -50,6 +63,7 @@ NOT_RUN = 255
 
 _ENDS = {NOT_RUN: "", **{int(outcome): outcome.name.lower() for outcome in Outcome}}
 _FINISHED = (Outcome.FINISHED, Outcome.FAILED_SAFE)
+_ERROR = "energy_error"
 _N_FIRST = 3
 _REALISATION = 2
 _ALL = slice(None)
@@ -66,22 +80,29 @@ _FURTHER = (
 )
 
 
-def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
+def asks_for_weighted(asked: Iterable[str]) -> bool:
+    """Whether a criterion among those that are asked for is from weighted accelerations."""
+    return any(criterion(name).quantity == WEIGHTED.name for name in asked)
+
+
+def study_quantities(command_unit: str, asked: Sequence[str] = ()) -> tuple[Quantity, ...]:
     """Quantities that a study keeps of each run; those of the command are in `command_unit`."""
     quantities = (*(quantity for quantity in run_quantities() if quantity.name not in _LEFT_OUT), *_FURTHER)
+    quantities += (WEIGHTED,) if asks_for_weighted(asked) else ()
     return tuple(
         replace(quantity, unit=in_command_unit(quantity.unit, command_unit)) for quantity in quantities
     )
 
 
-def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
-    """Every criterion as a quantity of a run, and the error of its energies."""
-    units = {criterion: in_command_unit(criterion.declared_unit, command_unit) for criterion in criteria()}
+def study_criteria(command_unit: str, asked: Sequence[str] = ()) -> tuple[Quantity, ...]:
+    """Every criterion as a quantity of a run, those asked for behind, and the error of its energies."""
+    entries = (*criteria(), *map(criterion, asked))
+    units = {entry: in_command_unit(entry.declared_unit, command_unit) for entry in entries}
     named = (
-        Quantity(name=criterion.name, axis="run", unit=unit, description=criterion.title)
-        for criterion, unit in units.items()
+        Quantity(name=entry.name, axis="run", unit=unit, description=entry.title)
+        for entry, unit in units.items()
     )
-    return *named, quantity_named("energy_error")
+    return *named, quantity_named(_ERROR)
 
 
 @array_dataclass(repr=False)
@@ -134,7 +155,7 @@ class Runs(Labelled, WithAxes, Summarised):
     @property
     def balanced(self) -> NDArray[np.bool_]:
         """Whether the energies of each run balance, or it has none."""
-        return ~self.finished | (self.numbers["energy_error"] <= ENERGY_TOLERANCE)
+        return ~self.finished | (self.numbers[_ERROR] <= ENERGY_TOLERANCE)
 
     @property
     def n_done(self) -> int:
@@ -193,16 +214,22 @@ class Runs(Labelled, WithAxes, Summarised):
         """The numbers of one run by name."""
         return {name: array[row, motion, realisation] for name, array in self.numbers.items()}
 
-    def criteria(self, scales: Scales, command_unit: str) -> Runs:
-        """Every criterion of each run, over the `scales` of its row; NaN where a run has none."""
-        numbers = {**values(self, scales), "energy_error": self.numbers["energy_error"]}
-        unknown = [criterion.name for criterion in criteria() if criterion.unknown_in(command_unit)]
+    @property
+    def entries(self) -> tuple[Criterion, ...]:
+        """The criteria that these runs have, where they have criteria: every one, and those asked for behind."""
+        return tuple(criterion(quantity.name) for quantity in self.declared if quantity.name != _ERROR)
+
+    def criteria(self, scales: Scales, command_unit: str, asked: Sequence[str] = ()) -> Runs:
+        """Every criterion of each run and those asked for, over the `scales` of its row; NaN where a run has none."""
+        numbers = {**values(self, scales, asked), _ERROR: self.numbers[_ERROR]}
+        entries = (*criteria(), *map(criterion, asked))
+        unknown = [entry.name for entry in entries if entry.unknown_in(command_unit)]
         numbers |= {name: np.full_like(numbers[name], np.nan) for name in unknown}
         ended = self.finished
         return replace(
             self,
             axes=dict([*self.axes.items()][:_N_FIRST]),
-            declared=study_criteria(command_unit),
+            declared=study_criteria(command_unit, asked),
             numbers={name: np.where(ended, array, np.nan) for name, array in numbers.items()},
         )
 
@@ -211,10 +238,7 @@ class Runs(Labelled, WithAxes, Summarised):
 
         `bare` says that the reference is the building without dampers, over which some criteria have another one.
         """
-        named = {
-            criterion.name: criterion.reference_criterion if bare else criterion.name
-            for criterion in criteria()
-        }
+        named = {entry.name: entry.reference_criterion if bare else entry.name for entry in self.entries}
         unknown = np.full(self.outcome.shape, np.nan)
         return {
             name: ratio(self.numbers[name], reference.numbers[other]) if other else unknown
@@ -289,10 +313,13 @@ def outcome_names(outcomes: NDArray[np.uint8]) -> NDArray[np.str_]:
     return np.array(names, dtype="U12").reshape(outcomes.shape)
 
 
-def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
-    """The runs of an arrangement or of candidates of its law over these axes, with the floors of the bare building."""
+def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes, asked: Sequence[str] = ()) -> Runs:
+    """The runs of an arrangement or of candidates of its law over these axes, with the floors of the bare building.
+
+    Of criteria that are `asked` for it has the quantities.
+    """
     axes = {**axes, **{name: labels for name, labels in own_axes([arrangement]).items() if name not in axes}}
-    runs = Runs.empty(axes, study_quantities(command_unit_of(arrangement.devices)))
+    runs = Runs.empty(axes, study_quantities(command_unit_of(arrangement.devices), asked))
     runs = replace(runs, outcome=responses.outcome.reshape(runs.shape))
     ended = runs.finished.ravel()
     dampers, strokes, elements = _device_labels(arrangement)
@@ -311,6 +338,9 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
         deformations = (history.deformation[:, : len(dampers)] for history in responses.histories)
         least = [[least_stroke(deformation) for deformation in columns.T] for columns in deformations]
         fill("least_stroke", np.array(least), dampers)
+    if responses.histories is not None and WEIGHTED.name in runs.numbers:
+        floors = arrangement.places["floor"]
+        fill(WEIGHTED.name, np.array([_weighted_rms(history, floors) for history in responses.histories]))
     fill("peak_stroke", responses.peak_drift[:, arrangement.strokes], strokes)
     for name, source in _OF_ELEMENTS.items():
         fill(name, responses.numbers[source][:, arrangement.passive_devices], elements)
@@ -323,6 +353,14 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
         elif columns is not None and not (name in _COMMANDS and commands_force(arrangement)):
             fill(name, columns[:, : len(dampers)], dampers)
     return runs
+
+
+def _weighted_rms(history: History, floors: Sequence[int]) -> Floats:
+    """Rms of the weighted accelerations of floors over a history, shape (n_floors,)."""
+    # A run without an end has none, whatever it has here.
+    acceleration = np.nan_to_num(history.acceleration[:, floors], nan=0.0, posinf=0.0, neginf=0.0)
+    weighted = frequency_weighted(acceleration, float(history.time[1] - history.time[0]))
+    return np.asarray(np.sqrt(np.mean(weighted**2, axis=0)))
 
 
 def knows_least_strokes(arrangement: Arrangement) -> bool:
@@ -356,6 +394,15 @@ def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:
     devices = dict.fromkeys(name for kind in zip(*groups, strict=True) for labels in kind for name in labels)
     bare = arrangements[0].bare
     return {"floor": bare.frame_floors, "storey": bare.drift_names, "device": tuple(devices)}
+
+
+def asking(study: Study, names: Iterable[str]) -> Study:
+    """The study with the criteria of these names, too; refused where it has no such place."""
+    asked = on_request((*study.asked, *names))
+    axes = own_axes(study.arrangements)
+    for name in asked:
+        criterion(name).check_place(axes)
+    return replace(study, asked=asked)
 
 
 def numbered(count: int) -> tuple[str, ...]:

@@ -32,14 +32,15 @@ from mrwork.base.places import KeyPath, all_mistakes
 from mrwork.base.summary import list_names
 from mrwork.base.units import RATIOS, DriverUnit, number_in
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.closed_loop.evaluation import criteria
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import InvalidSettingError
+from mrwork.errors import InvalidSettingError, MrworkError
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
+from mrwork.motions.roads import RoadClass
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import suite as synthetic_suite
 from mrwork.motions.targets import ScaledBy, TargetSpectrum, asce_7_spectrum, en_1998_spectrum, table_spectrum
@@ -156,7 +157,7 @@ class TuneTable(Stated):
     )
     criteria: tuple[str, ...] | Mapping[str, Positive] = key(
         "criteria of the score, an array or a table with their weights; by default peak and rms of drift and "
-        "acceleration",
+        "acceleration; at a floor, storey or damper as rms_acceleration@body",
         default=(),
     )
     relative_to: Baseline = key(
@@ -214,16 +215,26 @@ class TuneTable(Stated):
             yield "tail", f'{sentence}; leave it out, or give risk = "cvar"'
         if len(self.objectives) == 1:
             yield "objectives", "objectives takes two criteria or more, each once; leave it out for a score"
-        names = [entry.name for entry in criteria()]
         for setting in ("criteria", "objectives", "constraints"):
-            for name in getattr(self, setting) or ():
-                if name not in names:
-                    yield setting, f"no criterion is called {name!r}{suggestion(name, names)}"
+            yield from _unknown_criteria(setting, getattr(self, setting) or ())
+
+    @property
+    def judged_by(self) -> tuple[str, ...]:
+        """Names of criteria that the table has."""
+        return (*self.criteria, *self.objectives, *(self.constraints or ()))
+
+
+def _unknown_criteria(setting: str, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    for name in names:
+        try:
+            criterion(name)
+        except MrworkError as error:
+            yield setting, str(error)
 
 
 Use = Literal["test", "training"]
 """Use of a motion: a controller is tuned on training motions and judged on test motions."""
-Synthetic = Literal["kanai_tajimi", "clough_penzien"]
+Synthetic = Literal["kanai_tajimi", "clough_penzien", "iso_8608"]
 
 # Angle of a damper that no drift stretches.
 _UPRIGHT = 1.57
@@ -318,6 +329,10 @@ class DamperTable(Stated):
     row: tuple[float, ...] | None = optional(
         "stretch of the damper over the coordinates of the building, a number for each, instead of the drift of its "
         "storey"
+    )
+    sprung: int | str | None = optional(
+        "floor that is the sprung mass, as the body of a car: mixed_skyhook, acceleration_driven, skyhook_groundhook "
+        "and decentralised_bang_bang read its absolute motion, by default that of the upper end less that of the lower"
     )
     rated_force: float | None = positive(
         "force that one damper is made for, beyond which runs are told; by default as the preset has it",
@@ -497,7 +512,8 @@ def target_spectrum(table: Arguments) -> TargetSpectrum:
 class MotionTable(Stated):
     """Ground motions from files, synthetic or a suite, or forces on floors; each factor, peak or Sa gives a motion.
 
-    Training and test motions must be different records: files and accelerations are compared.
+    A road is the ground under the tyre of a vehicle: its heights, or a class of ISO 8608, at a speed. Training and test
+    motions must be different records: files and accelerations are compared.
     """
 
     file: str | GroundMotion | None = optional(
@@ -518,7 +534,17 @@ class MotionTable(Stated):
     )
     floor: int | str | None = optional("floor of the one column of a force, by its name or number from 1")
     shape: tuple[float, ...] | None = optional("share of each floor in the one column of a force")
-    synthetic: Synthetic | None = optional("filtered noise instead of a file")
+    road: str | None = optional(
+        "heights of a road instead of a record, over distances or times, relative to the study file",
+        file=True,
+    )
+    speed: float | None = positive(
+        'speed of the vehicle on a road, as "72 km/h": over distances, and of iso_8608',
+        unit="m/s",
+        usual=(0.5, 100.0),
+    )
+    synthetic: Synthetic | None = optional("filtered noise instead of a file, or iso_8608 for a random road")
+    road_class: RoadClass | None = optional("class of the road iso_8608; C is an average one")
     suite: Arguments | None = optional(
         "many synthetic motions instead of a file", functions=(synthetic_suite,)
     )
@@ -527,12 +553,13 @@ class MotionTable(Stated):
         "group of the motions, or several, of which tables have the score", default=""
     )
     unit: str | None = optional(
-        "unit of the acceleration in the file, as g, or of forces, as kN; needed if the file does not state it"
+        "unit of the acceleration in the file, as g, of forces, as kN, or of the heights of a road; needed if the file "
+        "does not state it"
     )
-    column: str | None = optional("column or variable of the acceleration, if there are several")
+    column: str | None = optional("column or variable of the acceleration or height, if there are several")
     channel: int | None = optional("channel of a file with several, from 1", least=1)
     dt: float | None = positive(
-        "step of synthetic motions, 0.01 s by default, of samples, or of a table without times",
+        "step of synthetic motions, by default 0.01 s, of a road 0.001 s; of samples, or of a table without times",
         unit="s",
         usual=_STEPS,
     )
@@ -577,14 +604,18 @@ class MotionTable(Stated):
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         samples = self.acceleration if self.forces is None else self.forces
-        ways = (self.file, samples, self.synthetic, self.suite, self.force)
+        ways = (self.file, samples, self.synthetic, self.suite, self.force, self.road)
         if sum(way is not None for way in ways) != 1:
-            yield (), "[[motion]] needs either a file, samples, a synthetic motion, a suite or a force"
+            yield (
+                (),
+                "[[motion]] needs either a file, samples, a synthetic motion, a suite, a force or a road",
+            )
         keys = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
         if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
             yield keys[1], f"{says}; keep one of {list_names(keys)}"
         yield from self._mistakes_of_forces()
+        yield from self._mistakes_of_roads()
         made, of_samples = self.is_synthetic, self.acceleration is not None
         for unread, reason, names in (
             (self.sa is None, "is of sa, which this motion does not have", ("sa_period", "sa_damping")),
@@ -636,6 +667,43 @@ class MotionTable(Stated):
                 "unit may be of acceleration or of forces; leave it out, and give them in m/s2 and N",
             )
 
+    def _mistakes_of_roads(self) -> Iterator[tuple[str | KeyPath, str]]:
+        drawn = self.synthetic == "iso_8608"
+        if drawn:
+            wanted = {"road_class": self.road_class, "speed": self.speed}
+            if lacking := [name for name, value in wanted.items() if value is None]:
+                yield (
+                    (),
+                    f'iso_8608 has no {" and no ".join(lacking)}; give both, as road_class = "C", speed = "72 km/h"',
+                )
+        is_road = drawn or self.road is not None
+        is_road = is_road or (isinstance(self.file, GroundMotion) and self.file.is_road)
+        level = "is a level of earthquakes, and a road has none; leave it out, or give factor, which scales heights"
+        for unread, reason, names in (
+            (
+                not drawn,
+                'is of a synthetic road; leave it out, or give synthetic = "iso_8608"',
+                ("road_class",),
+            ),
+            (
+                not drawn and self.road is None,
+                "is of roads, and this motion is none; leave it out",
+                ("speed",),
+            ),
+            (drawn, "is of filtered noise, and this is a road; leave it out", ("soil",)),
+            (self.road is not None, "is for records, and this is a road; leave it out", ("channel",)),
+            (is_road, level, ("pga", "sa", "scale_to")),
+            (
+                is_road,
+                "is of records, and heights of a road have no drift of a baseline; leave it out",
+                ("baseline",),
+            ),
+            (is_road, "would tilt the road, whose part begins level; cut the profile itself", ("start",)),
+            (is_road, "changes times and not heights; give another speed", ("time_scale",)),
+        ):
+            for name in (name for name in names if unread and name in given_in(self)):
+                yield name, f"{name} {reason}"
+
     @property
     def is_synthetic(self) -> bool:
         """Whether it is generated, alone or as a suite."""
@@ -660,14 +728,19 @@ class PlacesTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportTable:
-    """Figures in detail on the page."""
+class ReportTable(Stated):
+    """Figures in detail on the page, and columns of tables."""
 
     motion: str | None = optional(
         "motion of the time histories and force loops; by default the test motion of the largest peak"
     )
     controllers: tuple[str, ...] = key(
         "labels of the arrangements drawn there, by default all; of more than 24, the best are drawn",
+        default=(),
+    )
+    criteria: tuple[str, ...] = key(
+        "further columns of the tables of values: criteria at a floor, storey or damper, as rms_acceleration@body, and "
+        "weighted_acceleration, which is weighted by W_k of ISO 2631-1 and takes histories",
         default=(),
     )
     histories: Literal["detailed", "all", "none"] = key(
@@ -677,6 +750,9 @@ class ReportTable:
         "criterion with its limit, of which the page has the fragility where records have several levels, as "
         '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else collapse, 10 %'
     )
+
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        yield from _unknown_criteria("criteria", self.criteria)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

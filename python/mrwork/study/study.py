@@ -30,7 +30,7 @@ from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.control.weights.weight_certificate import DesignedWeights
-from mrwork.errors import SettingError
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import copies_remarks, peak_push
 from mrwork.motions.spectrum import Intensity
@@ -282,7 +282,8 @@ class Study(Summarised):
     `realisations` of what is not known exactly. `other_sets` are the dampers with other sets of laws that predict
     nearly as well. `suite` has the spectra of the test motions beside the target, if there is one and each record has
     one level. `described` are headings and sentences on building, dampers and loop, `unusual` are remarks on numbers of
-    the table. `table` is what the study was stated by, and it `is_whole` where it has all motions and rows of that.
+    the table. Criteria `asked` for are those on request, as at a place. `table` is what the study was stated by, and it
+    `is_whole` where it has all motions and rows of that.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -305,6 +306,7 @@ class Study(Summarised):
     other_sets: tuple[OtherSet, ...] = ()
     suite: SuiteCheck | None = None
     unusual: tuple[Remark, ...] = ()
+    asked: tuple[str, ...] = ()
     is_whole: bool = True
 
     @property
@@ -398,6 +400,14 @@ class Study(Summarised):
         laws = [law for _, law in self.laws]
         tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
         needs_model = any(spec.needs_model for spec in tuned)
+        reads_sprung = any(spec.reads_sprung for spec in (*(law.spec for law in laws), *tuned))
+        for number, damper in enumerate(self.table.damper):
+            if damper.sprung is not None and not reads_sprung:
+                raise InvalidSettingError(
+                    ("damper", number, "sprung"),
+                    "sprung has no effect on laws that do not read the absolute motion of a floor; leave it out, or "
+                    "add a [[controller]] with one that does, as mixed_skyhook",
+                )
         reads = [*(law.reads_acceleration for law in laws), *(spec.reads_acceleration for spec in tuned)]
         forecasts = needs_model or any(law.forecasts_ground for law in laws)
         with keyed("hardware"):
@@ -563,6 +573,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
         "hardware": asdict(study.hardware),
         "realisations": None if study.realisations is None else study.realisations.digest,
         "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
+        **({"asked": study.asked} if study.asked else {}),
     }
 
 
@@ -590,6 +601,11 @@ def _digest_of_loop(building: Building, devices: Sequence[Device]) -> str:
         *(
             (device.spec, _digest(device.draws), _digest(device.row), device.count, device.differential)
             for device in devices
+        ),
+        *(
+            (place, _digest(device.sprung))
+            for place, device in enumerate(devices)
+            if device.sprung is not None
         ),
         *((device.largest_command, device.command) for device in devices),
     )

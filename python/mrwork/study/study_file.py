@@ -7,7 +7,7 @@ function stands the name of a file beside the study file, of a format that the p
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
@@ -79,14 +79,14 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
         case {"file": GroundMotion() as motion, **given}:
             group = given.pop("group", [])
             groups = [*(group if isinstance(group, list) else [group]), *motion.groups]
-            given |= {"dt": motion.dt}
-            given |= (
-                {"acceleration": motion.acceleration.tolist()}
-                if motion.peak or not motion.forces.size
-                else {}
-            )
-            given |= {"forces": motion.forces.tolist()} if motion.forces.size else {}
             given |= {"group": groups} if groups else {}
+            if motion.is_road and not motion.forces.size:
+                file = put(f"{name}.txt", {"": _samples(motion.acceleration.tolist(), "road_acceleration\n")})
+                return {"file": file, "unit": "m/s2", "name": motion.name, "dt": motion.dt, **given}
+            given |= {"dt": motion.dt}
+            if motion.peak or not motion.forces.size:
+                given |= {"acceleration": motion.acceleration.tolist()}
+            given |= {"forces": motion.forces.tolist()} if motion.forces.size else {}
             return _written({"name": motion.name, **given}, keys, put)
         case {"acceleration": _, "forces": _} if keys[0] == "motion":
             return value
@@ -94,8 +94,7 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
             text = "".join(f"{','.join(map(repr, sample))}\n" for sample in zip(*rows, strict=True))
             return {"force": put(f"{name}.csv", {"": text.encode()}), "unit": "N", "name": "forces", **given}
         case {"acceleration": samples, **given} if keys[0] == "motion":
-            text = "".join(f"{sample!r}\n" for sample in samples)
-            file = put(f"{name}.txt", {"": text.encode()})
+            file = put(f"{name}.txt", {"": _samples(samples)})
             return {"file": file, "unit": "m/s2", "name": "motion", **given}
         case {"file": function, **given} if callable(function):
             text = function_text(function, what="the law", remedy=_IN_A_FILE)
@@ -112,6 +111,10 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
         case list():
             return [_written(item, (*keys, str(number)), put) for number, item in enumerate(value, start=1)]
     return value
+
+
+def _samples(samples: Sequence[float], heading: str = "") -> bytes:
+    return (heading + "".join(f"{sample!r}\n" for sample in samples)).encode()
 
 
 def _matrices(building: Building) -> dict[str, bytes]:

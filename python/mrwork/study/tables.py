@@ -16,7 +16,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.summary import Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import SCORE, criterion
+from mrwork.closed_loop.evaluation import SCORE, criterion, on_request
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.study.comparison import (
     BOTH,
@@ -93,6 +93,7 @@ _VALUES = (
     ("rms_acceleration", *_ACCELERATION), ("peak_force", *_KILONEWTON), ("peak_stroke", *_MILLIMETRE),
     ("rms_current", "", 1.0), ("command_travel", "", 1.0), ("switching_rate", "1/s", 1.0),
 )  # fmt: skip
+_IN_UNITS = {"m": _MILLIMETRE, "N": _KILONEWTON, "m/s^2": _ACCELERATION}
 # What is not worth a column where no storey yields.
 _OF_YIELD = ("residual_drift_ratio",)
 
@@ -102,9 +103,15 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     unit = results.command_unit
     several, under = len(motions) > 1, results.motions[motions[0]].name
     runs = np.ix_(list(rows), list(motions))
-    numbers = {name: _known(results, name)[runs] for name, *_ in _VALUES}
+    asked = [
+        (entry.name, *_IN_UNITS.get(entry.declared_unit, ("", 1.0)))
+        for entry in results.criteria_of_runs.entries
+        if entry.name in on_request([entry.name])
+    ]
+    of_all = (*asked, *_VALUES)
+    numbers = {name: _known(results, name)[runs] for name, *_ in of_all}
     values = [
-        value for value in _VALUES if not (criterion(value[0]).optional and np.isnan(numbers[value[0]]).all())
+        value for value in of_all if not (criterion(value[0]).optional and np.isnan(numbers[value[0]]).all())
     ]
     columns = [(factor * np.median(numbers[name], axis=1)).tolist() for name, _, factor in values]
     units = (

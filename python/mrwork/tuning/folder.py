@@ -10,7 +10,6 @@ from typing import Any
 from mrwork.base.arguments import checked
 from mrwork.base.keys import toml_text
 from mrwork.base.table import csv_text
-from mrwork.closed_loop.evaluation import criteria
 from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import CHOSEN, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
@@ -101,7 +100,7 @@ def _controller(law: TunedLaw) -> dict[str, Any]:
 
 
 def _scores_csv(results: TunedStudy) -> str:
-    names = [entry.name for entry in criteria() if entry.ratio]
+    names = [entry.name for entry in results.criteria_of_runs.entries if entry.ratio]
     lines = [["law", "use", "motion", "score", *names]]
     for law in (*results.tuned.laws, *results.tuned.references):
         row = results.row_of_law(law)

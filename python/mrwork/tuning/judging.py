@@ -13,13 +13,14 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import apart, significant, with_decimals
 from mrwork.base.progress import OnProgress
 from mrwork.base.remark import Measured, Remark, RemarkKind
-from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.closed_loop.evaluation import Spread
 from mrwork.control.laws.law_settings import design_law, settings_of
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.histories import RunHistory
 from mrwork.study.results import StudyResults
 from mrwork.study.run import run_study
+from mrwork.study.runs import asking
 from mrwork.study.schema import Use
 from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.law_plan import check_controllable
@@ -90,7 +91,10 @@ class TunedStudy(StudyResults):
             return None
         if not motions or not self.quantities.done[row, list(motions), 0].all():
             return None
-        ratios, names = self.ratios_over(off), [entry.name for entry in criteria() if entry.ratio]
+        ratios, names = (
+            self.ratios_over(off),
+            [entry.name for entry in self.criteria_of_runs.entries if entry.ratio],
+        )
         robust = law.robust and self.n_realisations
         realisations = slice(-self.n_realisations, None) if robust else slice(1)
         runs = self.criteria_of_runs.part([row, against], list(motions), realisations)
@@ -174,7 +178,10 @@ def judge(
     >>> results.judgement(results.tuned.laws[0], "test").score.mean  # doctest: +SKIP
     0.655
     """
-    wider = with_tuned_rows(study, tuned)
+    objectives = (law.objective for law in tuned.laws)
+    asked = (name for objective in objectives for name in (*objective.weights, *objective.limits))
+    of_fronts = (name for front in tuned.fronts for name in front.objectives)
+    wider = asking(with_tuned_rows(study, tuned), (*asked, *of_fronts))
     try:
         results = run_study(
             wider, journal=journal, kept=kept, keep=keep, on_progress=on_progress, threads=threads

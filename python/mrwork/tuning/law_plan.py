@@ -24,7 +24,7 @@ from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.long_call import LongCall
 from mrwork.study.loop_case import REACH, LoopCase
-from mrwork.study.runs import Runs, candidate_axes, study_criteria
+from mrwork.study.runs import Runs, asks_for_weighted, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.space import (
@@ -78,7 +78,8 @@ class Bench(Summarised):
         runs = self._empty(len(candidates))
         unlimited = all(math.isinf(candidate.shape[1]) for candidate in candidates)
         alike = control_law(law).sends_share and unlimited and not self.case.hardware.changes_command
-        together = alike and len(candidates) > 1
+        # The command of a history is that of the damper.
+        together = alike and len(candidates) > 1 and not asks_for_weighted(self.case.asked)
         levels = [candidate.largest_command for candidate in candidates]
         for level in [math.inf] if together else dict.fromkeys(levels):
             members = [n for n, largest in enumerate(levels) if together or largest == level]
@@ -103,7 +104,7 @@ class Bench(Summarised):
 
     def _empty(self, n_candidates: int) -> Runs:
         axes = candidate_axes(n_candidates, self.case.motions, self.n_realisations)
-        return Runs.empty(axes, study_criteria(self.study.command_unit))
+        return Runs.empty(axes, study_criteria(self.study.command_unit, self.study.asked))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,11 +223,16 @@ def without_gradient(study: Study, table: TuneTable) -> str:
     jumping = next((law for law in table.laws if control_law(law).switches), "")
     shaped = next((name for name in SHAPING_SPANS if name in (table.free or {})), "")
     counted = next((name for name in table.constraints or {} if criterion(name).counted), "")
+    weighted = asks_for_weighted(table.judged_by)
     smooth = ", ".join(law.name for law in control_laws() if not law.switches)
     for excluded, sentence in (
         (jumping, f"{jumping} switches, so its score jumps and has no gradient; {smooth} have one"),
         (shaped, f"a command with a free {shaped} has no gradient; leave it out of free"),
         (counted, f"{counted} is a count, which has no gradient; limit command_travel instead"),
+        (
+            weighted,
+            "weighted accelerations are from histories, which have no gradient; name rms_acceleration instead",
+        ),
         (
             any(resolution for _, resolution in study.hardware.sensors),
             "sensors of a resolution round what they read, which has no gradient; leave the resolution out",

@@ -25,6 +25,7 @@ from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.loop_case import training_case
 from mrwork.study.motions import refuse_same
+from mrwork.study.runs import asking
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, constant_share, fingerprint_of
 from mrwork.study.trials import designed, magnitudes_of_runs
@@ -108,7 +109,7 @@ def tune(
     """
     tables = tables_of(study, tables, laws=laws, risk=risk, budget=budget)
     check_tables(study, tables)
-    study = designed(study, journal=journal)
+    study = designed(asking(study, (name for table in tables for name in table.judged_by)), journal=journal)
     if journal is not None:
         stated = {"tune": [*map(given_in, tables)], "places": study.table.places, "rng": rng}
         journal.agree("tuning", {**fingerprint_of(study), **stated})
@@ -170,7 +171,7 @@ def tune(
 def plan_of(study: Study, table: TuneTable, threads: int) -> LawPlan:
     """The one law of a table as `tune` plans it."""
     check_tables(study, [table])
-    return _plan(study, [table], LongCall(), threads)[0][0]
+    return _plan(asking(study, table.judged_by), [table], LongCall(), threads)[0][0]
 
 
 def _plan(

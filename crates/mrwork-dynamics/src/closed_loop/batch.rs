@@ -57,6 +57,8 @@ pub struct BlockSample<'a> {
     pub acceleration: &'a [f64],
     /// Acceleration of the ground [m/s^2], one per run.
     pub ground_acceleration: &'a [f64],
+    /// Velocity of the ground [m/s], one per run.
+    pub ground_velocity: &'a [f64],
     /// Drift of each measured storey [m], shape (runs, measured storeys).
     pub drift: &'a [f64],
 }

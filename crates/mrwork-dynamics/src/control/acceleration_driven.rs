@@ -1,7 +1,9 @@
-//! Acceleration-driven damping: the command that takes most out of the absolute acceleration, alone and mixed with skyhook.
+//! Acceleration-driven damping: the command that takes most out of the absolute acceleration, alone and mixed with skyhook;
+//! and skyhook mixed with groundhook.
 //!
-//! A vehicle's body is in a building the floor above the device, or for a device between floors the upper floor with respect
-//! to the lower one: `x = e (q + r u_g)`, whose rate is that of the device but for the ground.
+//! A vehicle's body is the sprung mass of the device. Without one it is in a building the floor above the device, or for a
+//! device between floors the upper floor with respect to the lower one: `x = e (q + r u_g)`, whose rate is that of the
+//! device but for the ground.
 
 use super::law::Formula;
 use super::measurement::Measurement;
@@ -16,7 +18,7 @@ impl Formula for AccelerationDriven {
     const SPEC: LawSpec = LawSpec {
         name: "acceleration_driven",
         title: "Acceleration-driven damping",
-        equation: "i = i_max H(x'' d'), x'' = e (q'' + r a_g), d' = e q'",
+        equation: "i = i_max H(x'' d'), x'' = e (q'' + r a_g) or that of the sprung mass, d' = e q'",
         description: "Full command where the damper force opposes the absolute acceleration of the floor to which the \
                       device is attached, or the difference of those of two floors: of all commands the one that \
                       makes their sum of squares, weighted by mass, smallest at the next instant. Needs \
@@ -24,6 +26,7 @@ impl Formula for AccelerationDriven {
                       crossover frequency of the mixed law, weak at resonance. It may switch at every sample.",
         source: "Savaresi, Silani, Bittanti, J. Dyn. Syst. Meas. Control 127(2), 2005, 218-229",
         reads_acceleration: true,
+        reads_sprung: true,
         switches: true,
         ..LawSpec::PLAIN
     };
@@ -46,11 +49,12 @@ impl Formula for MixedSkyhook {
     const SPEC: LawSpec = LawSpec {
         name: "mixed_skyhook",
         title: "Mixed skyhook and acceleration-driven damping",
-        equation: "i = i_max H(y d'), y = x' where |x''| <= a |x'|, else x''; x = e (q + r u_g), d' = e q'",
+        equation: "i = i_max H(y d'), y = x' where |x''| <= a |x'|, else x''; x = e (q + r u_g) or that of the sprung \
+                   mass, d' = e q'",
         description: "Skyhook, on where absolute velocity and damper velocity have one sign, while the motion is slow, \
                       and acceleration-driven damping while it is fast: the sign of x''^2 - a^2 x'^2 tells which, with \
                       the crossover a between the two. Needs accelerometers at the ends of each device and their \
-                      absolute velocity, and no model of the building.",
+                      absolute velocity, and no model of the building. An infinite crossover is skyhook alone.",
         source: "Savaresi, Spelta, J. Dyn. Syst. Meas. Control 129(4), 2007, 382-392",
         gains: &[GainSpec {
             name: "crossover",
@@ -59,6 +63,7 @@ impl Formula for MixedSkyhook {
             description: "frequency a below which the law is skyhook",
         }],
         reads_acceleration: true,
+        reads_sprung: true,
         switches: true,
         ..LawSpec::PLAIN
     };
@@ -73,6 +78,41 @@ impl Formula for MixedSkyhook {
             let chosen = R::select(slow.less(acceleration.abs()), acceleration, velocity);
             let known = chosen + (velocity + acceleration) * R::splat(0.0);
             *command = where_positive(known * measured.rate[device], R::splat(measured.largest[device]));
+        }
+    }
+}
+
+/// Skyhook for the sprung mass and groundhook for the unsprung one, in shares.
+pub struct SkyhookGroundhook;
+
+impl Formula for SkyhookGroundhook {
+    const SPEC: LawSpec = LawSpec {
+        name: "skyhook_groundhook",
+        title: "Skyhook and groundhook",
+        equation: "i = i_max (a H(x' d') + (1 - a) H(-w' d')), x' of the sprung mass, d' = e q', w' = x' - d'",
+        description: "On-off skyhook, which damps the absolute motion of the sprung mass x, and groundhook, which damps \
+                      that of the unsprung mass w at the other end, in the shares a and 1 - a of the command. Needs the \
+                      absolute velocity of the sprung mass, and no model of the vehicle.",
+        source: "Ahmadian, Pare, J. Intell. Mater. Syst. Struct. 11(8), 2000, 604-612",
+        gains: &[GainSpec {
+            name: "share",
+            unit: Unit::Of("1"),
+            shape: Shape::Device,
+            description: "share a of skyhook; the rest is groundhook",
+        }],
+        reads_sprung: true,
+        switches: true,
+        ..LawSpec::PLAIN
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let (sprung, rate) = (measured.absolute_rate(device), measured.rate[device]);
+            let share = gains.of_device(0, device);
+            let skyhook = where_positive(sprung * rate, share);
+            let groundhook = where_positive((rate - sprung) * rate, R::splat(1.0) - share);
+            *command = (skyhook + groundhook) * R::splat(measured.largest[device]);
         }
     }
 }

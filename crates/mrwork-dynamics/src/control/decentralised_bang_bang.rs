@@ -13,11 +13,12 @@ impl Formula for DecentralisedBangBang {
     const SPEC: LawSpec = LawSpec {
         name: "decentralised_bang_bang",
         title: "Decentralised bang-bang",
-        equation: "i = i_max H((e q' + e r v_g) f)",
+        equation: "i = i_max H(x' f), x = e (q + r u_g), or of the sprung mass",
         description: "Full command where the force opposes the absolute motion of the floors to which the device \
                       is attached. Each device needs its own motion and force, and the motion of the ground if \
-                      it is attached to it.",
+                      it is attached to it; with a sprung mass, the absolute motion of that.",
         source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
+        reads_sprung: true,
         switches: true,
         ..LawSpec::PLAIN
     };

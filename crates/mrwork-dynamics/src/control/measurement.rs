@@ -22,7 +22,11 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) acceleration: &'a [R],
     /// Drift of each measured storey [m].
     pub(crate) drift: &'a [R],
-    /// Weights of these that add up to `e (q'' + r a_g)` of each device.
+    /// Rows x of the absolute motion that laws read for each device: of its sprung mass, else its elongation.
+    pub(crate) absolute: &'a SparseRows,
+    /// Whether each device has a sprung mass.
+    pub(crate) has_sprung: &'a [bool],
+    /// Weights of the floors' accelerations that add up to `x (q'' + r a_g)` of each device.
     pub(crate) device_floors: Option<&'a SparseRows>,
     /// Acceleration of the ground [m/s^2].
     pub(crate) ground_acceleration: R,
@@ -30,7 +34,7 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) ground_velocity: R,
     /// What is known of the ground ahead.
     pub(crate) preview: Preview<'a>,
-    /// Elongation of each device per displacement of the ground: e r.
+    /// Displacement of these rows per displacement of the ground: x r.
     pub(crate) ground_reach: &'a [f64],
     /// Largest command of each device.
     pub(crate) largest: &'a [f64],
@@ -71,13 +75,18 @@ impl Preview<'_> {
 }
 
 impl<R: Real> Measurement<'_, R> {
-    /// Absolute velocity of the upper end of a device less that of its lower end: `e (q' + r v_g)`.
+    /// Absolute velocity `x (q' + r v_g)`: of the sprung mass, else of the upper end of a device less that of its lower.
     #[inline(always)]
     pub(crate) fn absolute_rate(&self, device: usize) -> R {
-        R::splat(self.ground_reach[device]).mul_add(self.ground_velocity, self.rate[device])
+        let relative = if self.has_sprung[device] {
+            self.absolute.dot(device, self.velocity)
+        } else {
+            self.rate[device]
+        };
+        R::splat(self.ground_reach[device]).mul_add(self.ground_velocity, relative)
     }
 
-    /// Absolute acceleration of the upper end of a device less that of its lower end: `e (q'' + r a_g)`.
+    /// Absolute acceleration `x (q'' + r a_g)` of the same.
     #[inline(always)]
     pub(crate) fn absolute_acceleration(&self, device: usize) -> R {
         match self.device_floors {
@@ -87,9 +96,9 @@ impl<R: Real> Measurement<'_, R> {
     }
 }
 
-/// Elongation of each device per displacement of the ground: e r.
-pub(crate) fn ground_reach(devices: &SparseRows, influence: &[f64]) -> Vec<f64> {
-    (0..devices.len()).map(|device| devices.dot(device, influence)).collect()
+/// Displacement of the rows of each device per displacement of the ground: x r.
+pub(crate) fn ground_reach(absolute: &SparseRows, influence: &[f64]) -> Vec<f64> {
+    (0..absolute.len()).map(|device| absolute.dot(device, influence)).collect()
 }
 
 impl<R: Real> Measurement<'_, R> {

@@ -107,6 +107,7 @@ laws! {
     active::Active,
     acceleration_driven::AccelerationDriven,
     acceleration_driven::MixedSkyhook,
+    acceleration_driven::SkyhookGroundhook,
     predictive_rollout::PredictiveRollout,
 }
 

@@ -127,6 +127,8 @@ pub struct LawSpec {
     pub commands_force: bool,
     /// Whether it reads the absolute accelerations of floors.
     pub reads_acceleration: bool,
+    /// Whether it reads the absolute motion of the sprung mass of a device.
+    pub reads_sprung: bool,
     /// Whether its command jumps where a signal changes sign, so that results jump with its gains and have no derivatives.
     pub switches: bool,
 }
@@ -145,6 +147,7 @@ impl LawSpec {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        reads_sprung: false,
         switches: false,
     };
 

@@ -64,7 +64,8 @@ class ControlLawSpec:
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
     the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
     building and dampers. A law that `commands_force` drives ideal actuators, a law that `reads_acceleration` needs
-    accelerometers on the floors to which devices are attached. The command of a law that `switches` jumps where a
+    accelerometers on the floors to which devices are attached, a law that `reads_sprung` the absolute motion of the
+    sprung mass of a device, where it has one. The command of a law that `switches` jumps where a
     signal changes sign, so that results have no derivatives in its gains.
     """
 
@@ -79,6 +80,7 @@ class ControlLawSpec:
     needs_model: bool
     commands_force: bool
     reads_acceleration: bool
+    reads_sprung: bool
     switches: bool
 
     @property

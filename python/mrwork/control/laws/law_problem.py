@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import exp, log
-from typing import Any, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 
-from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.arguments import May, NotNegative, Positive, checked
 from mrwork.base.keys import refuse_repeated
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
@@ -170,7 +170,7 @@ class DesignProblem(Summarised):
         return tuple(float(device.draws[0, -1]) if device.spec.lagged else None for device in self.devices)
 
     @checked
-    def each(self, number: float) -> Floats:
+    def each(self, number: Annotated[float, May.BE_INFINITE]) -> Floats:
         """An array with the same number for every device."""
         return np.full(len(self.devices), number)
 

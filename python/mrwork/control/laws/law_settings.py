@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 
-from mrwork.base.arguments import checked
-from mrwork.base.keys import key, positive
+from mrwork.base.arguments import May, Within, checked
+from mrwork.base.keys import key, optional
 from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
@@ -79,9 +79,9 @@ class FrictionSettings(LawSettings):
 class MixedSkyhookSettings(LawSettings):
     """Skyhook below a crossover frequency, acceleration-driven damping above it."""
 
-    crossover: float | None = positive(
-        "frequency below which the law is skyhook; by default the square root of two times the first natural one, "
-        "where a building of one storey transmits as much with little damping as with much",
+    crossover: Annotated[float, Within(above=0.0), May.BE_INFINITE] | None = optional(
+        "frequency below which the law is skyhook, inf for skyhook alone; by default the square root of two times the "
+        "first natural one, where a building of one storey transmits as much with little damping as with much",
         unit="Hz",
         span=Span(lower=0.05, upper=1.0, of=(("acceleration", 1.0), ("velocity", -1.0))),
     )
@@ -90,6 +90,29 @@ class MixedSkyhookSettings(LawSettings):
         """The crossover of each device [rad/s]."""
         crossover = self.crossover or math.sqrt(2.0) * float(problem.building.frequencies[0])
         return Design(gains={"crossover": problem.each(2.0 * math.pi * crossover)})
+
+
+@checked
+class HybridSettings(LawSettings):
+    """Skyhook for the sprung mass and groundhook for the unsprung one, in shares."""
+
+    share: float = key(
+        "share of skyhook in the command: 1 is skyhook, 0 groundhook, which needs `sprung` of each [[damper]]",
+        least=0.0,
+        most=1.0,
+        default=1.0,
+        span=Span(lower=0.0, upper=1.0, scale="linear", free=False),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The share of each device."""
+        without = [device.name for device in problem.devices if device.sprung is None]
+        if without and self.share < 1.0:
+            raise SettingError(
+                f"groundhook damps the unsprung mass, and {without[0]} has no `sprung`; give it the name of the body, "
+                'as sprung = "body", or a share of 1'
+            )
+        return Design(gains={"share": problem.each(self.share)})
 
 
 SETTINGS: Mapping[str, type[LawSettings]] = {
@@ -116,13 +139,14 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "active": RegulatorSettings,
     "acceleration_driven": NoSettings,
     "mixed_skyhook": MixedSkyhookSettings,
+    "skyhook_groundhook": HybridSettings,
     "predictive_rollout": RolloutSettings,
 }
 """Settings by name of the law."""
 
 
 SettingValue = (
-    float | bool | str | Sequence[float] | Sequence[str] | Sequence[Sequence[float]]
+    Annotated[float, May.BE_INFINITE] | bool | str | Sequence[float] | Sequence[str] | Sequence[Sequence[float]]
     | Floats | WeightWishes | Mapping[str, Any] | None
 )  # fmt: skip
 """A value of a setting of a control law: a number, a switch, a word, weights, or a table of designed ones."""

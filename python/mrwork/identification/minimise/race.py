@@ -259,9 +259,9 @@ class _Course:
     """A race that runs: minima so far with the routes that have met each, and the trace of their misfits.
 
     `low` is the objective below the limit of stiffness, where minimisations start; `began` the steps before the race.
-    `stiff` are starts above the limit by route, with their misfits where known, `left` the unit coordinates of points that have gone on beyond it, and
-    `beyond` where each has led, with its misfit and the routes that have met it. `leader` is the best point of the
-    trace.
+    `stiff` are starts above the limit by route, with their misfits where known, `left` the unit coordinates of points
+    that have gone on beyond it, and `beyond` where each has led, with its misfit and the routes that have met it.
+    `leader` is the best point of the trace.
     """
 
     objective: Objective

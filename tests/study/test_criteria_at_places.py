@@ -1,0 +1,123 @@
+"""Criteria of one floor, storey or damper, wherever a criterion is named, and weighted accelerations from histories."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from quarter_car import CAR, ROAD
+from refusals import refusal
+
+import mrwork as mr
+from mrwork.closed_loop import frequency_weighted
+from mrwork.study.schema import TuneTable
+
+SKYHOOK = '[[controller]]\nlaw = "skyhook_groundhook"\n'
+ASKED = ("rms_acceleration@body", "peak_drift@suspension", "weighted_acceleration@body")
+
+
+def study(folder: Path, *tables: str, roads: str = ROAD) -> mr.Study:
+    path = folder / "car.toml"
+    text = f'references = "none"\n{CAR}sprung = "body"\n{roads}{SKYHOOK}\n[hardware]\nsample_time = 0.001\n'
+    path.write_text(text + "\n".join(tables))
+    return mr.read_study(path)
+
+
+def asking(*names: str) -> str:
+    return f"[report]\ncriteria = {list(names)}\n"
+
+
+def test_a_criterion_at_a_place_is_its_quantity_there(tmp_path: Path) -> None:
+    results = mr.run_study(study(tmp_path, asking(*ASKED)))
+    body, strut = results.quantities.rms_acceleration[..., 1], results.quantities.peak_drift[..., 1]
+    np.testing.assert_array_equal(results.criteria_of_runs.numbers[ASKED[0]], body)
+    np.testing.assert_array_equal(results.criteria_of_runs.numbers[ASKED[1]], strut)
+    assert results.criteria(1, 0)[ASKED[0]] == body[1, 0, 0]
+    # The wheel is shaken more than the body, and has the criterion of all floors.
+    assert results.criteria(1, 0)["rms_acceleration"] > 3.0 * body[1, 0, 0]
+    assert set(ASKED) <= {*results.to_pandas().columns}
+
+
+def test_a_weighted_acceleration_is_that_of_the_history(tmp_path: Path) -> None:
+    made = study(tmp_path, asking("weighted_acceleration@body"))
+    results = mr.run_study(made)
+    arrangement = made.arrangements[1]
+    run = mr.simulate_loop(
+        arrangement.building,
+        arrangement.devices,
+        arrangement.law,
+        made.grounds,
+        made.hardware,
+        histories=True,
+    )
+    weighted = frequency_weighted(run.histories[0].acceleration[:, 1], 1e-3)
+    assert results.criteria(1, 0)["weighted_acceleration@body"] == pytest.approx(
+        np.sqrt(np.mean(weighted**2)), rel=1e-12
+    )
+    # Nobody asks for it otherwise, and no file has it.
+    plain = mr.run_study(study(tmp_path))
+    assert "weighted_acceleration" not in plain.quantities.numbers
+
+
+def test_a_run_folder_a_page_and_tables_have_them(tmp_path: Path, pages: None) -> None:
+    study(tmp_path, asking(*ASKED))
+    ended = mrwork("respond", tmp_path / "car.toml", "--out", tmp_path / "out")
+    assert ended.returncode == 0, ended.stderr
+    assert "RMS acc. body" in ended.stdout
+    loaded = mr.load(tmp_path / "out")
+    assert set(ASKED) <= loaded.criteria(1, 0).keys()
+    assert "rms_acceleration@body [m/s2]" in (tmp_path / "out" / "criteria.csv").read_text()
+    assert "W_k acc. body" in (tmp_path / "out" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "match"),
+    [
+        ("rms_drift@body", "'body' is a floor, and rms_drift is of a storey; give one of tyre, suspension"),
+        ("rms_acceleration@roof", "nothing is called 'roof'.*give one of wheel, body"),
+        ("peak_base_shear@body", "one number of the whole building"),
+        ("rms_accel@body", "no criterion is called 'rms_accel', did you mean rms_acceleration"),
+    ],
+)
+def test_a_place_that_has_no_such_criterion_is_refused(tmp_path: Path, name: str, match: str) -> None:
+    tables = [
+        asking(name),
+        f'[report]\nlimit = {{ "{name}" = 1.0 }}\n',
+        f'[[tune]]\nlaws = ["passive"]\ncriteria = ["{name}"]\n',
+    ]
+    for table in tables:
+        refusal(study, tmp_path, table, match=match)
+
+
+def test_a_tuning_minimises_and_keeps_limits_at_places(tmp_path: Path) -> None:
+    made = study(tmp_path)
+    comfort = TuneTable(
+        laws=("skyhook_groundhook",),
+        free={"share": (), "largest_command": ()},
+        criteria=("rms_acceleration@body",),
+        budget=12,
+        population=6,
+    )
+    holding = replace(comfort, criteria=("weighted_acceleration@body", "rms_drift@tyre"), label="holding")
+    limited = replace(comfort, constraints={"peak_drift@suspension": "1 mm"}, label="limited")
+    tuned = mr.tune(made, tables=[comfort, holding, limited], rng=1)
+    # No command keeps a limit of a millimetre.
+    assert tuned.laws[2].violation > 0.0
+    judged = mr.tuning.judge(made, tuned)
+    off = judged.row_of("passive_off")
+    row = judged.row_of_law(tuned.laws[0])
+    ratio = judged.ratios(row, 0, off)["rms_acceleration@body"]
+    assert ratio == pytest.approx(tuned.laws[0].least, rel=1e-9)
+
+
+def test_a_fragility_has_the_limit_of_a_place(tmp_path: Path) -> None:
+    roads = "".join(
+        f"{ROAD}seed = {seed}\nfactor = [0.25, 0.5, 1.0, 2.0]\nname = 'road {seed}'\n" for seed in range(3)
+    )
+    results = mr.run_study(study(tmp_path, roads=roads))
+    body = results.quantities.rms_acceleration[0, :, 0, 1].reshape(3, 4)
+    found = mr.fragility(results, limit={"rms_acceleration@body": float(np.sort(body, axis=None)[5])})
+    assert found["uncontrolled"].median > 0.0
