@@ -606,10 +606,9 @@ class MotionTable(Stated):
 
     def _mistakes_of_forces(self) -> Iterator[tuple[str | KeyPath, str]]:
         given, of_file = self.forces is not None, self.force is not None
-        pushed = given or of_file or (isinstance(self.file, GroundMotion) and bool(self.file.forces.size))
         for unread, reason, names in (
             (
-                pushed,
+                self.is_forced,
                 "is of ground accelerations, and this motion has forces on floors; leave it out, or scale by factor",
                 ("pga", "sa", "scale_to", "baseline"),
             ),
@@ -635,6 +634,12 @@ class MotionTable(Stated):
                 "unit",
                 "unit may be of acceleration or of forces; leave it out, and give them in m/s2 and N",
             )
+
+    @property
+    def is_forced(self) -> bool:
+        """Whether it has forces on floors."""
+        of_motion = isinstance(self.file, GroundMotion) and bool(self.file.forces.size)
+        return of_motion or self.force is not None or self.forces is not None
 
     @property
     def is_synthetic(self) -> bool:
