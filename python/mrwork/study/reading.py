@@ -114,8 +114,9 @@ class _Found:
             case DamperTable(), _:
                 self.dampers.append(chosen_damper(table, self.folder, self.identified))
             case MotionTable(), (_, int(number)):
-                if self.bare is not None:
-                    floors = self.bare.floor_names
+                floors = () if self.bare is None else self.bare.floor_names
+                # Of a building that is not read, the mistakes of other motions are told beside its own.
+                if floors or not table.is_forced:
                     self.records += bare_motions(table, number, self.folder, self.seed, floors)
             case LawFileTable(file=str(file)), _:
                 path, where = self.folder / file, place.within("file")

@@ -637,10 +637,9 @@ class MotionTable(Stated):
 
     def _mistakes_of_forces(self) -> Iterator[tuple[str | KeyPath, str]]:
         given, of_file = self.forces is not None, self.force is not None
-        pushed = given or of_file or (isinstance(self.file, GroundMotion) and bool(self.file.forces.size))
         for unread, reason, names in (
             (
-                pushed,
+                self.is_forced,
                 "is of ground accelerations, and this motion has forces on floors; leave it out, or scale by factor",
                 ("pga", "sa", "scale_to", "baseline"),
             ),
@@ -703,6 +702,12 @@ class MotionTable(Stated):
         ):
             for name in (name for name in names if unread and name in given_in(self)):
                 yield name, f"{name} {reason}"
+
+    @property
+    def is_forced(self) -> bool:
+        """Whether it has forces on floors."""
+        of_motion = isinstance(self.file, GroundMotion) and bool(self.file.forces.size)
+        return of_motion or self.force is not None or self.forces is not None
 
     @property
     def is_synthetic(self) -> bool:
