@@ -259,7 +259,7 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         ('force = "wind.csv"\ncolumn = "2"', "column is of records"),
         (
             'force = "wind.csv"\nfile = "swing.csv"',
-            "either a file, samples, a synthetic motion, a suite or a force",
+            "either a file, samples, a synthetic motion, a suite, a force or a road",
         ),
         ('file = "swing.csv"\nfloor = "roof"', "floor is of the one column of a force"),
         ("forces = [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]]", "no dt of its forces"),
