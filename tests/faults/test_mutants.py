@@ -30,7 +30,7 @@ import mrwork as mr
 from mrwork.buildings import read_building
 from mrwork.errors import MrworkError, MrworkWarning
 from mrwork.identification.fit_file import reopen
-from mrwork.motions import read_motion
+from mrwork.motions import read_motion, read_road
 from mrwork.motions.forces import read_forces
 from mrwork.records import read_damper_test, read_test_table
 
@@ -148,6 +148,7 @@ def record(delimiter: str, point: str = ".") -> str:
 
 FORCES = "time (s),roof (kN),deck\n" + "".join(f"{0.01 * n:.2f},{n % 7},{n % 5}\n" for n in range(40))
 
+ROAD = "distance_m,height_mm\n" + "".join(f"{0.1 * row:.1f},{height:.3f}\n" for row, height in enumerate(GAL))
 FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "rig.csv": (record(","), read_damper_test),
     "10mm2Hz0x5A.dat": (record(";", ","), read_damper_test),
@@ -162,6 +163,7 @@ FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "a.smc": ("\n".join(motion_files.smc_lines(GAL)), read_motion),
     "a.V2A": ("\n".join(motion_files.geonet_lines(GAL, "Corrected")), read_motion),
     "wind.csv": (FORCES, partial(read_forces, floors=("deck", "roof"), shares=None, unit="N", dt=None)),
+    "road.csv": (ROAD, lambda path: read_road(path, speed=20.0)),
     "frame.toml": (BUILDING, read_building),
     "sample.toml": (files("mrwork.cli").joinpath("samples", "study.toml").read_text(), mr.read_study),
     "tuned.toml": (TUNED + tuning_samples.TUNE, mr.read_study),

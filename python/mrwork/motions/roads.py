@@ -206,9 +206,10 @@ def road_of_file(
     factor = _factor_of_heights(table, height, unit, str(path))
     heights = factor * _finite(table, height, "height", path)
     if along is not None:
-        dt = _spacing(_finite(table, along, "time or distance", path), table, path) * _factor_along(
-            table, along
-        )
+        # Overflowing steps are refused as uneven.
+        with np.errstate(over="ignore", invalid="ignore"):
+            spacing = _spacing(_finite(table, along, "time or distance", path), table, path)
+        dt = _factor_along(table, along) * spacing
     elif dt is None:
         raise SettingError(
             f"{path}: there is no column of distances or times beside '{height}'; give the time between two heights as "
