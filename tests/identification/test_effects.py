@@ -11,6 +11,8 @@ import pytest
 import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.identification import effects
+from mrwork.identification.commands import excerpts_at
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest, Observation
 
 SPEC = mr.damper("static_hysteretic")
@@ -126,6 +128,65 @@ def test_a_single_record_of_several_frequencies_is_weighed_by_its_parts() -> Non
     (mass,) = taken.effects
     assert abs(mass.value - 60.0) < 3.0 * (mass.standard_error or 0.0) < 12.0
     assert not advice(mr.identify(SPEC, alone, threads=1))
+
+
+def test_few_tests_say_that_effects_would_take_most_of_the_misfit_away() -> None:
+    fit = mr.identify("bouc_wen", rig(Observation(mass=200.0)), threads=1)
+    (hidden,) = [each.measured for each in fit.remarks if each.code == "effects_hidden"]
+    assert hidden is not None
+    assert hidden.value > fit.fit_percent + 5.0
+
+
+def sliding(frequency: float, amplitude: float) -> DamperTest:
+    """Twelve sliders of 400 N in all, 1.5 kN s/m and 2.5 kN/m, which is none of our models, with noise of 3 N."""
+    time = np.arange(0.0, 3.0 / frequency, DT)
+    omega = 2.0 * np.pi * frequency
+    x, v = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
+    slip, state, force = 2e-4 * 1.35 ** np.arange(12), np.zeros(12), np.zeros(time.size)
+    for index, step in enumerate(np.diff(x, prepend=0.0)):
+        state = np.clip(state + step / slip, -1.0, 1.0)
+        force[index] = 400.0 * state.mean()
+    force += 1500.0 * v + 2500.0 * x + 3.0 * np.random.default_rng(0).standard_normal(time.size)
+    return mr.test_from_arrays(time, x, force, velocity=v, name=f"{frequency:g} Hz")
+
+
+def test_a_mass_that_tests_do_not_tell_is_said_with_what_it_would_do_to_the_stiffness() -> None:
+    fit = mr.identify("normalised_bouc_wen", [sliding(0.5, 0.006), sliding(1.5, 0.012)], threads=1)
+    (unknown,) = [each for each in fit.remarks if each.code == "mass_unknown"]
+    assert unknown.words == ("k",)
+    # The stiffness is wrong by more than five of its errors, without any mass.
+    k = fit.parameters["k"]
+    assert abs(k.value - 2500.0) > 2.0 * (k.standard_error or np.inf)
+
+
+def test_errors_of_parameters_follow_the_larger_errors_of_effects() -> None:
+    root = np.random.default_rng(3).normal(size=(5, 5))
+    matrix = root @ root.T
+    own = effects._with_errors(matrix, np.sqrt(np.diag(matrix)[3:]))
+    np.testing.assert_allclose(own, matrix[:3, :3])
+    errors = np.array([2.0, 5.0]) * np.sqrt(np.diag(matrix)[3:])
+    # A draw of the effects with their larger errors, which the parameters follow, and what is left of these.
+    draws = np.random.default_rng(4).normal(size=(200_000, 5)) @ np.linalg.cholesky(matrix).T
+    follow = matrix[:3, 3:] @ np.linalg.inv(matrix[3:, 3:])
+    left = draws[:, :3] - draws[:, 3:] @ follow.T
+    expected = np.cov((left + draws[:, 3:] * [2.0, 5.0] @ follow.T).T)
+    np.testing.assert_allclose(effects._with_errors(matrix, errors), expected, rtol=0.03, atol=0.3)
+
+
+def test_a_loop_too_stiff_for_excerpts_is_examined_on_whole_tests() -> None:
+    time = np.arange(0.0, 12.0, 2e-3)
+    x, v = 0.02 * np.sin(np.pi * time), 0.02 * np.pi * np.cos(np.pi * time)
+    test = mr.test_from_arrays(time, x, 1e3 * v + 300.0 * np.tanh(v / 0.01), velocity=v)
+    problem = Problem.of(
+        mr.damper("normalised_bouc_wen"), (test,), mr.identification.FitSettings(), threads=1
+    )
+    theta = problem.spec.nominal.copy()
+    theta[problem.spec.names.index("n")] = 1.0
+    theta[problem.spec.names.index("sigma")] = 1e4
+    for rho, is_whole in ((1e4, False), (2e5, True)):
+        theta[problem.spec.names.index("rho")] = rho
+        assert np.isfinite(excerpts_at(problem, theta)(theta[None])[0])
+        assert is_whole is (excerpts_at(problem, theta) is problem.objective)
 
 
 def test_a_model_that_describes_too_little_says_that_it_tells_no_effect() -> None:

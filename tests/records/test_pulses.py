@@ -16,6 +16,7 @@ from mrwork.records.reading import Reading
 Signal = NDArray[np.float64]
 COIL = 25.0
 SECONDS = 12.0
+TIME = 0.002 * np.arange(6000)
 
 
 def coil(sent: Signal, dt: float, rate: float = COIL) -> Signal:
@@ -26,12 +27,15 @@ def coil(sent: Signal, dt: float, rate: float = COIL) -> Signal:
     return current
 
 
-def rig(recorded: Signal, current: Signal, dt: float) -> DamperTest:
-    """A damper that is none of the package's, in a motion of several frequencies, with noise of sensors."""
+SEVERAL = (0.43, 0.77, 1.13, 1.61, 2.2, 2.9)
+
+
+def rig(recorded: Signal, current: Signal, dt: float, frequencies: tuple[float, ...] = SEVERAL) -> DamperTest:
+    """A damper that is none of the package's, in a motion of these frequencies, with noise of sensors."""
     rng, time = np.random.default_rng(5), dt * np.arange(recorded.size)
-    omega = 2.0 * np.pi * np.array([0.43, 0.77, 1.13, 1.61, 2.2, 2.9])[:, np.newaxis]
-    amplitude = 0.008 * np.array([1.0, 0.8, 0.7, 0.5, 0.3, 0.2])[:, np.newaxis]
-    phase = omega * time + np.arange(6.0)[:, np.newaxis] ** 2
+    omega = 2.0 * np.pi * np.array(frequencies)[:, np.newaxis]
+    amplitude = 0.008 * np.array([1.0, 0.8, 0.7, 0.5, 0.3, 0.2])[: len(frequencies), np.newaxis]
+    phase = omega * time + np.arange(float(len(frequencies)))[:, np.newaxis] ** 2
     displacement, velocity = (amplitude * np.sin(phase)).sum(0), (amplitude * omega * np.cos(phase)).sum(0)
     friction = (150.0 + 900.0 * current) * np.arctan((velocity + 0.5 * displacement) / 0.008) * 2.0 / np.pi
     force = friction + (300.0 + 500.0 * current) * velocity / (1.0 + np.abs(velocity) / 0.3)
@@ -74,6 +78,16 @@ def test_pulses_are_told_though_the_samples_show_few_of_them(carrier: float, sam
     assert "--repair pulses" in told
 
 
+@pytest.mark.parametrize("carrier", [1001.0, 1003.0])
+def test_pulses_whose_alias_is_in_step_with_a_sine_are_told(carrier: float) -> None:
+    """Of odd multiples: those of even ones are alike in both halves, as the command of a law that knows the motion."""
+    for begins in (0.0, 0.25, 0.6):
+        shown = 1.0 * ((carrier * TIME + begins) % 1.0 < 0.3)
+        assert "command_pulsed" in codes(rig(shown, np.full(TIME.size, 0.3), 0.002, (1.0,)))
+        followed = coil(shown, 0.002)
+        assert "command_pulsed" not in codes(rig(shown, followed, 0.002, (1.0,)))
+
+
 def test_pulses_without_a_carrier_are_told() -> None:
     rng = np.random.default_rng(8)
     width = np.full(6000, 0.4)
@@ -84,7 +98,6 @@ def test_pulses_without_a_carrier_are_told() -> None:
     assert np.std(mean - 0.4) < np.sqrt(0.24 / 40.0)
 
 
-TIME = 0.002 * np.arange(6000)
 RANDOM = np.random.default_rng(6)
 
 

@@ -260,6 +260,28 @@ def test_a_band_that_holds_less_than_chance_leaves_is_told(
     assert [(each.words, each.measured) for each in told] == [(("asked",), held)] * is_told
 
 
+def test_one_of_many_tests_may_be_held_by_less_than_one_alone(some_fit: Fit) -> None:
+    rng = np.random.default_rng(11)
+    *known, asked = group(rng, 9)
+    calibration = calibrate(known, held_out="")
+    others = group(rng, 12)
+    for larger in np.linspace(0.5, 4.0, 60):
+        force = larger * asked.test.force + (1.0 - larger) * asked.model_force
+        test = replace(asked, test=replace(asked.test, name="asked", force=force))
+        band = band_of(calibration, test, 0.9)
+        share = score(band, test.measured).coverage
+        if share < calibration.least_by_chance(test, band):
+            break
+    assert share > calibration.least_by_chance(test, band, 13)
+
+    def told(predictions: list[Prediction]) -> bool:
+        made = Predictions.about(some_fit, predictions, observe=(), calibration=calibration, level=0.9)
+        return "band_too_narrow" in {each.code for each in made.remarks}
+
+    assert told([test])
+    assert not told([test, *others])
+
+
 def test_a_width_that_varies_is_said_by_its_ends() -> None:
     assert Band.about(np.zeros(3), 20.0, level=0.9).half_width_in_words == "20"
     varying = Band.about(np.zeros(3), np.array([20.0, 30.0, 25.0]), level=0.9)

@@ -29,14 +29,9 @@ from mrwork.dampers.simulation import (
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import search_box
+from mrwork.identification.indistinct import bounds_without_offsets
 from mrwork.identification.objective import Objective, linearise_residuals, ties_of
-from mrwork.identification.residual import (
-    LossFunction,
-    LossName,
-    bounds_without_offsets,
-    loss_of,
-    refuse_free,
-)
+from mrwork.identification.residual import LossFunction, LossName, loss_of, refuse_free
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, loading_of

@@ -16,6 +16,7 @@ from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, bounds_of, identifiable_form, joint_box, levels_needed
 from mrwork.identification.excerpts import excerpt, middle_excerpts, varied_excerpt
+from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -81,6 +82,12 @@ def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
     if CommandedTests.of(problem.form.spec, tests).has_levels:
         return middle_excerpts(tests)
     return tuple(map(varied_excerpt, tests))
+
+
+def excerpts_at(problem: Problem, theta: Floats) -> Objective:
+    """The objective on the parts of the tests, or on whole ones where its steps do not resolve `theta`, (n_params,)."""
+    excerpts = problem.objective.on(problem.form.spec, excerpts_of(problem))
+    return excerpts if np.isfinite(excerpts(theta[None])[0]) else problem.objective
 
 
 def laws_at(laws: Mapping[str, LawName | CommandLaw], commands: Floats) -> dict[str, CommandLaw]:

@@ -21,7 +21,7 @@ from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import POLYNOMIAL_FORMS
 from mrwork.dampers.spec import with_changed_laws
-from mrwork.identification.commands import excerpts_of
+from mrwork.identification.commands import excerpts_at
 from mrwork.identification.covariance import Covariance, autocorrelation_time
 from mrwork.identification.effects import unfitted_effects
 from mrwork.identification.minimise.driver_lag import missing_lag
@@ -41,7 +41,7 @@ def doubts_on_fit(ended: FinalFit, nrmse: float, *, is_suspected: bool) -> Itera
     """
     problem, objective, form, theta = ended.problem, ended.problem.objective, ended.problem.form, ended.theta
     # Another fit to the whole tests would cost as much as the final one.
-    excerpts = objective.on(form.spec, excerpts_of(problem))
+    excerpts = excerpts_at(problem, theta)
     follows = problem.spec.command_unit is not None
     yield from no_better_than_linear(nrmse, objective.tests, follows_command=follows)
     if follows:

@@ -22,21 +22,15 @@ from numpy.typing import NDArray
 from mrwork.base.numbers import significant
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.identification.commands import excerpts_of
+from mrwork.identification.commands import excerpts_at
 from mrwork.identification.covariance import Covariance, Slopes, state_of
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import STRUCTURE, FittedParameter
+from mrwork.identification.indistinct import SAME_FREQUENCY, are_at_one_frequency, frequency_ranges
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
 from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, linearise_residuals, observe_tests_by
-from mrwork.identification.problem import (
-    SAME_FREQUENCY,
-    Problem,
-    are_at_one_frequency,
-    frequency_ranges,
-    pooled_commands,
-    with_free,
-)
+from mrwork.identification.problem import Problem, pooled_commands, with_free
 from mrwork.identification.suspicious import force_noise
 from mrwork.records import DamperTest
 from mrwork.records.motion import spectrum
@@ -52,33 +46,44 @@ _WORTH_A_FIT = 0.04
 _PAYS = 0.95
 _SIGNIFICANT = 4.0
 _SIMPLER = 0.95
-# Misfit of a wrong model, of its predictions and fits, which takes effects for what it lacks.
+# Misfit of a wrong model, of its predictions and fits, which takes effects for what it lacks, unless these lower that
+# of its predictions to this share. Where effects lower the misfit as far, but are not significant, the remark says so.
 _WRONG = 0.12
+_BEYOND_DOUBT = 0.7
 # Fewest groups of tests that are left out in turn, and parts of the time, and of the range of the force, else.
 _PARTS = 3
-# Delay that may be unknown, in samples and at most in periods; it is told where it changes damping by more than this
-# share, and by more than this number of standard errors.
+# Delay that may be unknown, in samples and at most in periods, and mass [kg]; they are told where they change damping
+# or stiffness by more than this share, and by more than this number of standard errors.
 _SAMPLES = 3.0
 _PERIODS = 0.02
+_HEAVY = 20.0
 _LARGE = 0.1
 _FAR = 5.0
 # Share by which the misfits of a delay and of a lag may differ where the remark names both.
 _ALIKE = 0.02
 _IT: Final = {1: "it", 2: "both"}
-_UNKNOWN: Final = RemarkKind(
+_UNKNOWN_DELAY: Final = RemarkKind(
     "delay_unknown",
     "a delay of the force of {ms:.2g} ms that is not known would move {0} by about {percent:.0f} %, {errors:.0f} times "
     "its standard error, and these tests do not tell it",
     "measure it and give it by --observe delay=SECONDS, or test at several frequencies",
 )
+_UNKNOWN_MASS: Final = RemarkKind(
+    "mass_unknown",
+    "a mass of {value:.2g} kg between damper and load cell that is not known would move {0} by about {percent:.0f} %, "
+    "{errors:.0f} times its standard error, and these tests do not tell it",
+    "weigh what moves there and give it by --observe mass=KG, or test at higher frequencies",
+)
+# Where a fit is linear, a mass of zero is on no bound.
+_ANY_MASS = replace(_MASS, free=(-5e3, 5e3))
 _SETS: Final[tuple[Effects, ...]] = ((_LAG,), (_DELAY,), (_MASS,), (_MASS, _LAG), (_MASS, _DELAY))
 
 
 def fit_effects(fit: FinalFit) -> FinalFit:
     """Fit the free effects of its settings, or those that pay, with all other parameters, from a fit without them.
 
-    The tests of its problem have them, and its covariance is that of all. Errors of the effects count what the model
-    cannot describe: leaving out tests moves the effects by that.
+    The tests of its problem have them. Errors of the effects count what the model cannot describe: leaving out tests
+    moves the effects by that. Errors of the parameters count how far these follow.
     """
     problem, effects = fit.problem, fit.problem.settings.free_effects
     if not effects and WEIGH in problem.settings.observe and (found := _weigh(problem, fit.covariance)):
@@ -96,12 +101,12 @@ def fit_effects(fit: FinalFit) -> FinalFit:
     )
     problem = replace(problem, settings=settings, objective=replace(objective, settings=settings))
     covariance, box = Covariance.of(fitted), fitted.form.box
+    errors = FitWithEffects.of(fitted, effects, _frequency_groups(objective.tests)).errors
     own = replace(
         covariance,
         slopes=Slopes.at(objective, problem.form, fitted.theta[:n_own]),
-        matrix=covariance.matrix[:n_own, :n_own],
+        matrix=_with_errors(covariance.matrix, errors),
     )
-    errors = FitWithEffects.of(fitted, effects, _frequency_groups(objective.tests)).errors
     estimates = [
         FittedParameter(
             name=box.names[index],
@@ -117,6 +122,21 @@ def fit_effects(fit: FinalFit) -> FinalFit:
         )
     ]
     return replace(fit, problem=problem, covariance=own, effects=tuple(estimates))
+
+
+def _with_errors(matrix: Floats, errors: Floats) -> Floats:
+    """Covariance of the parameters, (n_own, n_own), of a `matrix` with that of effects, which have larger `errors`."""
+    n_own = len(matrix) - errors.size
+    least = np.sqrt(np.diag(matrix)[n_own:])
+    varied = np.flatnonzero((least > 0.0) & np.isfinite(errors))
+    if not varied.size:
+        return matrix[:n_own, :n_own]
+    of_effects = matrix[n_own:, n_own:][np.ix_(varied, varied)]
+    follow = matrix[:n_own, n_own + varied] @ np.linalg.inv(of_effects)
+    ratio = errors[varied] / least[varied]
+    return np.asarray(
+        matrix[:n_own, :n_own] + follow @ (of_effects * (np.outer(ratio, ratio) - 1.0)) @ follow.T
+    )
 
 
 def _fit_with(
@@ -210,21 +230,23 @@ def _frequency_groups(tests: Sequence[DamperTest]) -> NDArray[np.intp]:
 def _predict_parts(slopes: Slopes, groups: NDArray[np.intp]) -> tuple[list[Floats], float]:
     """Steps of the parameters without parts of the tests, (n_parts, n_free), and misfit of the parts after them.
 
-    Parts are the tests, of one group parts of their time, and for a second set of steps the `groups` of tests at a
-    frequency, (n_tests,). Few groups, or parts of the time, do not show that a model is wrong in all of them in the
-    same way: then the second set is without parts by the size of the force.
+    Parts are the tests, of one group parts of their time, which are predicted. Others are those by the size of the
+    force, and the `groups` of tests at a frequency, (n_tests,), where there are several: what a model lacks is alike in
+    all tests, and few of them do not show it.
     """
-    several, parts, others = groups.max() >= _PARTS - 1, list[NDArray[np.intp]](), list[NDArray[np.intp]]()
+    parts, sizes = list[NDArray[np.intp]](), list[NDArray[np.intp]]()
     each = 1 if groups.any() else ceil(_PARTS / groups.size)
     for index, test in enumerate(slopes.objective.tests):
         n_time, size = test.n_counted, np.argsort(np.argsort(np.abs(test.force[test.counted])))
         parts.append(index * each + np.arange(n_time) * each // n_time)
-        others.append(np.full(n_time, groups[index]) if several else size * _PARTS // n_time)
-    part, other = np.concatenate(parts), np.concatenate(others)
-    n_others = int(other.max()) + 1
-    normal = slopes.normal(part * n_others + other)
-    every, steps, left_out = np.arange(normal.squared.size), list[Floats](), list[NDArray[np.bool_]]()
-    for numbers in (every // n_others, every % n_others):
+        sizes.append(size * _PARTS // n_time)
+    normal = slopes.normal(np.concatenate(parts) * _PARTS + np.concatenate(sizes))
+    of_part, of_size = np.divmod(np.arange(normal.squared.size), _PARTS)
+    divisions = [of_part, of_size]
+    if groups.max() >= _PARTS - 1:
+        divisions.append(groups[of_part])
+    steps, left_out = list[Floats](), list[NDArray[np.bool_]]()
+    for numbers in divisions:
         left_out.append(numbers == np.arange(numbers.max() + 1)[:, None])
         steps.append(normal.steps(np.asarray(1.0 - left_out[-1], dtype=np.float64), _held(slopes)))
     predicted = float(np.sqrt(normal.after(steps[0][:, None])[left_out[0]].sum()))
@@ -241,9 +263,10 @@ _FITTED: Final = RemarkKind("effects_fitted", f"{_PAY}; fitted with the paramete
 _UNFITTED: Final = RemarkKind("effects_unfitted", _PAY, "fit {it} by {options}{unless}")
 _HIDDEN: Final = RemarkKind(
     "effects_hidden",
-    "with and without a mass that moves between damper and load cell, or a late force, fits reach {value:.0f} % at "
-    "most: the model describes too little to tell them, and its stiffness and damping may be theirs",
-    "compare models (--model A,B)",
+    "without a mass that moves between damper and load cell, or a late force, the fit reaches {percent:.0f} %, and "
+    "with them {value:.0f} % at most: the model describes too little, or the tests are too few, to tell them, and "
+    "stiffness and damping may be theirs",
+    "compare models (--model A,B), or add tests at other frequencies",
 )
 
 
@@ -251,8 +274,8 @@ _HIDDEN: Final = RemarkKind(
 class _Found:
     """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
 
-    `earlier` is the misfit of predictions without them, `least` that of the best fit. With a model that describes too
-    little none is the best.
+    `earlier` is the misfit of predictions without them, `own` that of the fit, `least` that of the best fit. None is
+    the best with a model that describes too little, or of too few tests.
     """
 
     problem: Problem
@@ -260,6 +283,7 @@ class _Found:
     best: FitWithEffects | None
     weighed: Sequence[FitWithEffects]
     earlier: float
+    own: float
     least: float
 
     def remark(self, kind: RemarkKind) -> Remark:
@@ -269,7 +293,8 @@ class _Found:
         """
         best, told, sizes = self.best, list[str](), list[Measured]()
         if best is None:
-            return _HIDDEN.remark(measured=Measured(100.0 * (1.0 - self.least), "%"))
+            most = Measured(100.0 * (1.0 - self.least), "%")
+            return _HIDDEN.remark(measured=most, percent=100.0 * (1.0 - self.own))
         for effect, value, error in zip(
             best.effects, best.values.tolist(), best.errors.tolist(), strict=True
         ):
@@ -323,10 +348,12 @@ def unfitted_effects(problem: Problem, covariance: Covariance) -> Iterator[Remar
     slopes = covariance.slopes
     if WEIGH not in problem.settings.observe and (found := _weigh(problem, covariance)):
         yield found.remark(_UNFITTED)
-    elif _DELAY not in _known(problem) and slopes.interior:
-        free = with_free(slopes.objective, slopes.form, (_DELAY,))
-        on_time = Slopes.at(*free, np.array([*slopes.theta, 0.0]))
-        yield from _unknown_delay(problem, on_time, covariance.standard_errors)
+        return
+    for effect in (_DELAY, _ANY_MASS):
+        if effect.name not in {each.name for each in _known(problem)} and slopes.interior:
+            free = with_free(slopes.objective, slopes.form, (effect,))
+            at_zero = Slopes.at(*free, np.array([*slopes.theta, 0.0]))
+            yield from _unknown(problem, effect, at_zero, covariance.standard_errors)
 
 
 def _known(problem: Problem) -> set[Effect]:
@@ -352,65 +379,68 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
     tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
     if known >= {_MASS, _DELAY} or not slopes.interior or are_at_one_frequency(tests):
         return None
-    on_time = Slopes.at(*with_free(slopes.objective, form, (_MASS, _DELAY)), np.array([*theta, 0.0, 0.0]))
-    normal, held = on_time.normal(), _held(on_time)
-    # No mass is on its bound, and would not move from it.
-    held[:, -2:] = False
-    step = normal.steps(np.ones((1, len(tests))), held)
+    at_zero = Slopes.at(*with_free(slopes.objective, form, (_ANY_MASS, _DELAY)), np.array([*theta, 0.0, 0.0]))
+    normal = at_zero.normal()
+    step = normal.steps(np.ones((1, len(tests))), _held(at_zero))
     sets = [effects for effects in _SETS if not known & {*effects}]
     if normal.after(step[:, None]).sum() >= (1.0 - _WORTH_A_FIT) * normal.squared.sum():
         sets = []
-    excerpts, groups = problem.objective.on(form.spec, excerpts_of(problem)), _frequency_groups(tests)
+    excerpts, groups = excerpts_at(problem, theta), _frequency_groups(tests)
     weighed = [
         FitWithEffects.of(fitted, effects, groups)
         for fitted, effects in zip(_fit_with(excerpts, form, sets, theta), sets, strict=True)
     ]
     weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
     _, earlier = _predict_parts(Slopes.at(excerpts, form, theta), groups)
-    most = min(_PAYS * earlier, _WRONG)
-    best = next((each for each in weighed if each.is_significant and each.predicted < most), None)
-    least = min([float(np.linalg.norm(slopes.residuals)), *(each.misfit for each in weighed)])
+    paying = [each for each in weighed if each.is_significant and each.predicted < _PAYS * earlier]
+    best = next((each for each in paying if each.predicted < max(_WRONG, _BEYOND_DOUBT * earlier)), None)
+    own = float(np.linalg.norm(slopes.residuals))
+    least = min([own, *(each.misfit for each in weighed)])
     is_noise = least * np.sqrt(np.mean([test.variance for test in slopes.objective.compared])) <= (
         STRUCTURE * force_noise(tests)
     )
-    if best is None and (least < _WRONG or is_noise or any(pooled_commands(tests, (problem.spec,)))):
+    told = bool(paying) or (not is_noise and (least >= _WRONG or least < _BEYOND_DOUBT * own))
+    if best is None and (not told or any(pooled_commands(tests, (problem.spec,)))):
         return None
-    return _Found(problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier, least=least)
+    return _Found(
+        problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier, own=own, least=least
+    )
 
 
 def _absorbing(problem: Problem, effects: Effects) -> list[int]:
     """Indices of the parameters of the requested model that took the part of the effects: damping, or stiffness."""
-    unit = "N/m" if _MASS in effects else "N s/m"
+    unit = "N/m" if any(effect.name == "mass" for effect in effects) else "N s/m"
     return [index for index, parameter in enumerate(problem.spec.parameters) if parameter.unit == unit]
 
 
-def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats) -> Iterator[Remark]:
-    """Warn of damping that an unknown delay would change by far more than its standard error."""
-    tests = on_time.objective.tests
-    highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
-    seconds = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
+def _unknown(problem: Problem, effect: Effect, at_zero: Slopes, errors: Floats) -> Iterator[Remark]:
+    """Warn of a stiffness or damping that an unknown effect would change by far more than its standard error."""
+    tests, size = at_zero.objective.tests, _HEAVY
+    if effect is _DELAY:
+        highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
+        size = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
     if not are_at_one_frequency(tests):
-        seconds = min(seconds, FitWithEffects.of(on_time, (_DELAY,), _frequency_groups(tests)).errors[-1])
-    normal, held = on_time.normal(), _held(on_time)
+        size = min(size, FitWithEffects.of(at_zero, (effect,), _frequency_groups(tests)).errors[-1])
+    elif effect is not _DELAY:
+        return
+    normal, held = at_zero.normal(), _held(at_zero)
     held[:, -1] = True
-    # The step with which the other parameters follow the delay.
-    follow = replace(normal, gradient=normal.matrix[..., -1]).steps(
-        np.ones((1, len(on_time.objective.tests))), held
-    )
-    theta, form = on_time.theta[:-1], problem.form
+    # The step with which the other parameters follow the effect.
+    follow = replace(normal, gradient=normal.matrix[..., -1]).steps(np.ones((1, len(tests))), held)
+    theta, form = at_zero.theta[:-1], problem.form
     change = np.zeros(theta.size)
-    change[list(form.box.free)] = seconds * follow[0, :-1]
+    change[list(form.box.free)] = size * follow[0, :-1]
     value = np.asarray(form.to_model(theta))
     shift = form.to_model.jacobian(theta) @ change
     far = [
         index
-        for index in _absorbing(problem, (_DELAY,))
+        for index in _absorbing(problem, (effect,))
         if abs(shift[index]) > max(_FAR * errors[index], _LARGE * abs(value[index]))
         and errors[index] > 0.0 < abs(value[index])
     ]
     if far:
         worst = max(far, key=lambda index: abs(shift[index]) / errors[index])
         percent, times = 100.0 * abs(shift[worst] / value[worst]), abs(shift[worst]) / errors[worst]
-        delay = Measured(float(seconds), "s")
-        name = problem.spec.names[worst]
-        yield _UNKNOWN.remark(name, measured=delay, ms=1e3 * seconds, percent=percent, errors=times)
+        measured, name = Measured(float(size), effect.unit), problem.spec.names[worst]
+        kind = _UNKNOWN_DELAY if effect is _DELAY else _UNKNOWN_MASS
+        yield kind.remark(name, measured=measured, ms=1e3 * size, percent=percent, errors=times)

@@ -26,8 +26,8 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
+from mrwork.identification.indistinct import bounds_without_offsets, refuse_indistinct, unlike_offsets
 from mrwork.identification.objective import Objective, ties_of
-from mrwork.identification.residual import bounds_without_offsets, unlike_offsets
 from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.records import DamperTest, observed
 from mrwork.records.observation import Effect
@@ -37,9 +37,6 @@ from mrwork.store.journal import Journal
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
-# Shares of the power of the velocity between which the frequencies of a test lie; those below this ratio are one.
-_MOST_POWER = (0.2, 0.8)
-SAME_FREQUENCY = 1.3
 _POOLED = RemarkKind(
     "commands_pooled",
     "{observation} but no parameter of {0} follows the command: the fit is a compromise between them, right at none",
@@ -87,12 +84,7 @@ class Problem:
             search=settings.search or Race(),
             bounds=bounds_without_offsets(settings.observe, spec) | dict(settings.bounds),
         )
-        if any(effect.name == "mass" for effect in settings.free_effects) and are_at_one_frequency(tests):
-            raise SettingError(
-                f"--observe mass=free: all tests are at about {frequency_ranges(tests).max():.3g} Hz, and at one "
-                "frequency a mass cannot be told apart from a stiffness; give mass=VALUE, or add a test at another "
-                "frequency"
-            )
+        refuse_indistinct(settings.observe, tests)
         form = identifiable_form(spec, settings.bounds)
         _check_starts(spec, form, settings.starts)
         form = tied_form(form, spec, settings)
@@ -348,22 +340,6 @@ def _transfer_law(
         )
     nominal = [parameter.nominal for parameter in parameters]
     return dict(zip(names, [*values.tolist(), *nominal[len(values) :]], strict=True))
-
-
-def frequency_ranges(tests: Sequence[DamperTest]) -> Floats:
-    """The lowest and the highest frequency of each test [Hz], (n_tests, 2), by the power of its velocity."""
-    ranges = []
-    for test in tests:
-        velocity = (test.velocity - test.velocity.mean()) * np.hanning(test.n_time)
-        power = np.cumsum(np.abs(np.fft.rfft(velocity)) ** 2)
-        ranges.append(np.searchsorted(power, np.array(_MOST_POWER) * power[-1]) / (test.n_time * test.dt))
-    return np.array(ranges)
-
-
-def are_at_one_frequency(tests: Sequence[DamperTest]) -> bool:
-    """Whether tests cannot tell a mass from a stiffness, nor a lag from a damping."""
-    ranges = frequency_ranges(tests)
-    return bool(ranges.max() <= SAME_FREQUENCY * ranges.min())
 
 
 def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:

@@ -7,7 +7,7 @@ squares `sum r^2` becomes `scale^2 sum rho(z)`, as in `scipy.optimize.least_squa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -18,7 +18,6 @@ from mrwork import _rust
 from mrwork.base.arguments import AnyArray, replace_unchecked, unchecked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.remark import Remark, RemarkKind
-from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.simulation import (
@@ -32,7 +31,6 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest
-from mrwork.records.checks import FORCE_OFFSET, half_range, static_force
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.damper_test import loading_of
 from mrwork.records.observation import (
@@ -56,12 +54,6 @@ _UNESTIMATED = RemarkKind(
     "the fit estimated the {0} for each test{held}, and this prediction does not, so it is worse by what they change",
     "{options}, as in the fit, estimates them from the measured force of each test",
 )
-_OFFSET_CURE = "subtract the offset by --repair offset, or estimate it for each test by --observe offset=each"
-_OFFSET_LACKING = RemarkKind(
-    "offset_not_described",
-    "the force has a static offset in {0}, and {1}, so the model cannot describe it",
-    f"{{cure}}, {_OFFSET_CURE}",
-)
 
 
 def estimated_in_words(effects: Sequence[Effect]) -> str:
@@ -84,69 +76,6 @@ def refuse_free(words: Sequence[str], who: str) -> None:
         raise SettingError(
             f"{who} fits no effect that tests have in common, and --observe leaves {left[0]} to a fit; give its value"
         )
-
-
-def bounds_without_offsets(words: Sequence[str], spec: DamperSpec) -> dict[str, tuple[float, float]]:
-    """Bounds that fix the model's own force offset at zero, where the offset is estimated for each test."""
-    return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if _OFFSET in effects_of_each(words) else {}
-
-
-def unlike_offsets(
-    words: Sequence[str],
-    spec: DamperSpec,
-    bounds: Mapping[str, tuple[float, float]],
-    tests: Sequence[DamperTest],
-) -> Iterator[Remark]:
-    """Warn of tests with a static offset of the force that the model cannot describe, or with unequal ones."""
-    shifts = _shifts(spec)
-    if _OFFSET in effects_of_each(words):
-        return
-    if any(bounds.get(name) != (0.0, 0.0) for name in shifts):
-        if set(shifts) <= set(spec.without_laws.names):
-            yield from _unequal_offsets(tests)
-        return
-    shifted = [
-        test.label for test in tests if any(remark.code == FORCE_OFFSET.code for remark in test.remarks)
-    ]
-    if not shifted:
-        return
-    fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
-    lacks, cure = (fixed, f"leave {list_names(shifts)} free")
-    if not shifts:
-        lacks, cure = f"no parameter of {spec.name} adds a constant force", "add one to its equations"
-    yield _OFFSET_LACKING.remark(list_names(shifted), lacks, cure=cure)
-
-
-# Share of the least half range of the force by which static offsets differ that one parameter cannot describe.
-_UNEQUAL = 0.25
-_OFFSETS_UNLIKE = RemarkKind(
-    "offsets_unlike",
-    "the static offset of the force is {least:+.3g} N in {0} and {most:+.3g} N in {1}, and the model has one for all",
-    _OFFSET_CURE,
-)
-
-
-def _unequal_offsets(tests: Sequence[DamperTest]) -> Iterator[Remark]:
-    # Under a varying command the mean force is no static one.
-    told = [(test, static_force(test.displacement, test.force, test.velocity)) for test in tests]
-    known = [(test, offset) for test, offset in told if offset is not None and not test.has_varying_command]
-    held, offsets = [test for test, _ in known], [offset for _, offset in known]
-    if not held or np.ptp(offsets) <= _UNEQUAL * min(half_range(test.force) for test in held):
-        return
-    least, most = int(np.argmin(offsets)), int(np.argmax(offsets))
-    yield _OFFSETS_UNLIKE.remark(
-        held[least].label, held[most].label, least=offsets[least], most=offsets[most]
-    )
-
-
-def _shifts(spec: DamperSpec) -> tuple[str, ...]:
-    """Names of the parameters that shift the force of a model by a constant: f0, or x0 of its spring."""
-    shifts = {
-        parameter.name
-        for parameter in spec.plain
-        if parameter.scale == "offset" and parameter.unit in ("N", "m")
-    }
-    return tuple(parameter.name for parameter in spec.parameters if parameter.plain_name in shifts)
 
 
 def without_effects(force: AnyArray, measured: AnyArray, each: Sequence[Effect]) -> Any:

@@ -11,6 +11,7 @@ from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError
+from mrwork.identification.indistinct import refuse_indistinct
 from mrwork.records.observation import DETECT, NONE, WEIGH, Effect, as_words, effects_of_each, free_effects
 from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
@@ -187,6 +188,7 @@ class FitSettings:
             "observe": as_words(self.observe),
             "starts": tuple(self.starts),
         }
+        refuse_indistinct(plain["observe"])
         for name, value in plain.items():
             object.__setattr__(self, name, value)
 

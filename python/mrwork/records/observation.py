@@ -271,11 +271,6 @@ def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
     names = [word.partition("=")[0] for word in words]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise SettingError(f"--observe gives {twice} twice; give it once")
-    if {"lag", "delay"} <= {effect.name for effect in (*free_effects(words), *effects_of_each(words))}:
-        raise SettingError(
-            "--observe estimates a lag and a delay, which tests hardly tell apart; estimate one of them, and give the "
-            "other"
-        )
     if all(word == WEIGH or word.endswith((f"={FREE}", f"={EACH}")) for word in words):
         return (DETECT, *words)
     return words

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrwork.base.arguments import Level, Positive, Whole, checked
+from mrwork.base.arguments import Count, Level, Positive, Whole, checked
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
@@ -50,7 +50,7 @@ LEVELS = (0.5, 0.9, 0.95)
 # That of the coverage and the interval score that stand for a calibration.
 LEVEL = 0.9
 
-# Probability by which chance leaves less of a test in its band, and tests of a calibration that tell of its scatter.
+# Probability by which chance leaves less of any test in its band, and tests of a calibration that tell of its scatter.
 _BY_CHANCE = 0.01
 _LEAST_TO_SCATTER = 4
 
@@ -127,7 +127,7 @@ class Reach:
         )
 
 
-def _least_by_binomial(prediction: Prediction, band: Band) -> float:
+def _least_by_binomial(prediction: Prediction, band: Band, chance: float) -> float:
     """Share of independent samples in a band; cycles of a motion that repeats err alike, and count as one."""
     import scipy  # slow to load
 
@@ -135,7 +135,7 @@ def _least_by_binomial(prediction: Prediction, band: Band) -> float:
     cycles = regular_cycles(test.displacement[test.counted])
     inside = (prediction.measured >= band.lower) & (prediction.measured <= band.upper)
     n = max(round(effective_samples([inside - np.mean(inside)]) / max(len(cycles), 1)), 1)
-    return float(np.searchsorted(scipy.special.bdtr(np.arange(n + 1), n, band.level), _BY_CHANCE)) / n
+    return float(np.searchsorted(scipy.special.bdtr(np.arange(n + 1), n, band.level), chance)) / n
 
 
 def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
@@ -272,15 +272,17 @@ class Calibration(Summarised):
         )
 
     @checked
-    def least_by_chance(self, prediction: Prediction, band: Band) -> float:
-        """Share of a test that its band holds at least, but for one in a hundred.
+    def least_by_chance(self, prediction: Prediction, band: Band, among: Count = 1) -> float:
+        """Share of a test that its band holds at least, but for one in a hundred of such tests.
 
         It is that of the binomial distribution of the independent samples of the test, or what the tests of the
-        calibration leave for a further one by how each of them is held by the band of the others, if that is less.
+        calibration leave for a further one by how each of them is held by the band of the others, if that is less. Of
+        several tests, `among` so many, none has less in 99 of a hundred calls.
         """
         import scipy  # slow to load
 
         scores, level = self.scores.of(periodic=has_regular_cycles(prediction.test)), band.level
+        chance = _BY_CHANCE / among
         if len(scores) < _LEAST_TO_SCATTER:
             return 0.0
         others = [scores[:index] + scores[index + 1 :] for index in range(len(scores))]
@@ -289,8 +291,8 @@ class Calibration(Summarised):
             for own, rest in zip(scores, others, strict=True)
         ]
         deviation = float(np.std(held, ddof=1) * np.sqrt(1.0 + 1.0 / len(held)))
-        of_next = float(np.mean(held) + scipy.special.stdtrit(len(held) - 1, _BY_CHANCE) * deviation)
-        return max(min(of_next, _least_by_binomial(prediction, band)), 0.0)
+        of_next = float(np.mean(held) + scipy.special.stdtrit(len(held) - 1, chance) * deviation)
+        return max(min(of_next, _least_by_binomial(prediction, band, chance)), 0.0)
 
     @property
     def basis(self) -> str:

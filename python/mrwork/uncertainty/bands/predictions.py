@@ -213,14 +213,14 @@ class Predictions(Summarised):
             return
         found = (*map(calibration.test_to_run, self.predictions), calibration.new_kind(self.predictions))
         yield from filter(None, found)
-        shares = [
-            (
-                row.score.coverage,
-                calibration.least_by_chance(row.prediction, row.band),
-                row.prediction.test.label,
-            )
+        judged = [
+            (row.score.coverage, row.prediction, row.band)
             for row in self.rows
             if row.is_held_out and row.band and row.score
+        ]
+        shares = [
+            (share, calibration.least_by_chance(prediction, band, len(judged)), prediction.test.label)
+            for share, prediction, band in judged
         ]
         if short := [share for share in shares if share[0] < share[1]]:
             coverage, least, label = min(short)
