@@ -220,11 +220,13 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
 
     The accelerations are correlated where the two overlap, in absolute value, for shifts that leave half the energy of
     one motion and a tenth of the energy of the other in the overlap. Motions with different steps are also compared
-    sample by sample, which finds a copy with another time axis. Forces over a ground at rest are compared as they are.
+    sample by sample, which finds a copy with another time axis. Of forces over a ground at rest the changes between
+    samples are compared as they are: two winds of one mean are no copies.
     """
     if not (one.peak or other.peak) and one.forces.shape == other.forces.shape:
-        norms = float(np.linalg.norm(one.forces) * np.linalg.norm(other.forces))
-        return abs(float(np.vdot(one.forces, other.forces))) / norms if norms else 0.0
+        changes = np.diff(one.forces), np.diff(other.forces)
+        norms = float(np.prod([*map(np.linalg.norm, changes)]))
+        return abs(float(np.vdot(*changes))) / norms if norms else 0.0
     correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
         correlation = max(correlation, _largest_correlation(one.acceleration, other.acceleration))

@@ -107,7 +107,7 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     largest = f"; {'on the base' if most.on_base else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
     return (
         f"The dampers reach {list_names(by_storey, _NAMED)}{largest if len(by_storey) > 1 else ''}, "
-        f"{' to '.join(shares)} % of the peak base shear of the building without them "
+        f"{' to '.join(shares)} % of the peak base shear without them "
         f"({round_to(1e-3 * most.shear, 3):g} kN, {round_to(results.building.total_mass, 3):,.10g} kg), under {under}.",
     )
 
@@ -149,7 +149,7 @@ def _weak(results: StudyResults) -> Iterator[Remark]:
 
 BEST_AT_LARGEST: Final = RemarkKind(
     "largest_command_best",
-    "the largest command is the best constant one ({0}), so the dampers are small for this building",
+    "the largest command is the best constant one ({0}), so the dampers are small for this structure",
     "more or larger dampers would reduce its response further{unless}",
 )
 

@@ -376,7 +376,7 @@ def _facts(
     modes = zip(bare.frequencies[:5], 100.0 * bare.damping_ratios[:5], strict=True)
     frequencies = ", ".join(f"{frequency:.3g} Hz ({significant(ratio, 3)} %)" for frequency, ratio in modes)
     source = f"; {bare.source} ({bare.status})" if bare.source else ""
-    facts = [("Building", f"{bare.name}, frequencies (damping) {frequencies}{source}")]
+    facts = [("Structure", f"{bare.name}, frequencies (damping) {frequencies}{source}")]
     for device in devices:
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
