@@ -435,6 +435,19 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
             MrworkWarning,
             stacklevel=3,
         )
+    if not forces.size:
+        return result
+    lost = np.array([np.interp(time, at, force) for force in forces]) - motion.forces
+    swing = motion.forces - motion.forces.mean(axis=1, keepdims=True)
+    impulses = [float(np.abs(np.cumsum(each, axis=1)).max()) for each in (lost, swing)]
+    if impulses[0] > _LOST * impulses[1]:
+        warnings.warn(
+            f"motion {motion.name}: resampled every {dt:g} s the impulse of its forces is off by up to "
+            f"{100.0 * impulses[0] / impulses[1]:.3g} % of its swing, since what lies between the new samples is lost; "
+            f"simulate it every {motion.dt:g} s, without `resample`",
+            MrworkWarning,
+            stacklevel=3,
+        )
     return result
 
 

@@ -179,8 +179,8 @@ def _rigidity(results: StudyResults, study: Study) -> Floats:
 
 _LOCKED: Final = RemarkKind(
     "storey_locked",
-    "{0} locks its storey {when}: {force:g} kN at a stroke of {stroke:g} mm is {times:g} times the stiffness of the "
-    "storey (under {motion} with {row}), and a rigid brace dissipates little and may raise accelerations",
+    "{0} locks its {place} {when}: {force:g} kN at a stroke of {stroke:g} mm is {times:g} times the stiffness of the "
+    "{place} (under {motion} with {row}), and a rigid brace dissipates little and may raise accelerations",
     "{1}",
 )
 
@@ -210,6 +210,7 @@ def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> It
             results.dampers[device].name,
             remedy,
             measured=Measured(float(ratios[worst]), ""),
+            place="place" if results.building.parts else "storey",
             when=when,
             force=round_to(1e-3 * float(force[(*worst, device)]), 3),
             stroke=round_to(1e3 * float(stroke[(*worst, device)]), 2),
