@@ -207,6 +207,14 @@ def refuse_forces(motion: GroundMotion, what: str) -> None:
         )
 
 
+def _refuse_road(motion: GroundMotion, what: str) -> None:
+    """Refuse what is done to an accelerogram, and would make another road of a road."""
+    if motion.is_road:
+        raise SettingError(
+            f"motion {motion.name}: {what}; change its heights or its speed, and make the road anew with road_motion"
+        )
+
+
 # Copies that were cut, corrected, resampled or scaled have 0.95 or more. Different motions have less: up to 0.45 among
 # twenty measured records, up to 0.81 among synthetic ones of soft soil, which are nearly harmonic.
 _COPY = 0.9
@@ -364,6 +372,7 @@ def time_scaled(motion: GroundMotion, factor: Positive) -> GroundMotion:
     >>> time_scaled(synthetic_motion(), 0.2).changes[-1]
     'time axis x 0.2'
     """
+    _refuse_road(motion, "another time axis changes the heights of a road")
     return replace_samples(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
 
 
@@ -383,6 +392,8 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
         )
     if (first, last) == (0, motion.n_time - 1):
         return motion
+    if first:
+        _refuse_road(motion, "a road begins level, and the part from a later start would be tilted")
     change = f"cut to {first * motion.dt:.6g} to {last * motion.dt:.6g} s"
     kept = slice(first, last + 1)
     acceleration, forces = motion.acceleration[kept].copy(), motion.forces[:, kept].copy()
@@ -466,6 +477,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
         line. The corresponding drift of the velocity is one order higher.
     """
     refuse_forces(motion, "a baseline")
+    _refuse_road(motion, "heights of a road have no drift of a baseline")
     highest = min(HIGHEST_ORDER, motion.n_time - 2)
     if not 0 <= order <= highest:
         raise SettingError(f"ground motion {motion.name}: baseline of order {order}; give 0 to {highest}")
