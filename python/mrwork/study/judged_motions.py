@@ -56,17 +56,8 @@ class MotionFacts:
     def of(motion: MotionOfStudy) -> MotionFacts:
         """The facts of a motion of a study."""
         return MotionFacts(
-            **named(
-                motion.ground,
-                "name",
-                "peak",
-                "peak_force",
-                "duration",
-                "source",
-                "changes",
-                "groups",
-                "is_road",
-            ),
+            **named(motion.ground, "name", "peak", "peak_force", "duration", "source", "changes", "groups"),
+            is_road=motion.ground.is_road,
             **named(motion, "synthetic", "use", "record", "intensity", "copy_of"),
             level=motion.level_in_words,
         )

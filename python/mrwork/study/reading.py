@@ -221,6 +221,10 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
             limit: Mapping[str, float] = {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
             if table.report.limit is not None:
                 limit = limit_of(table.report.limit, command_unit_of(devices), Scales.of(bare))
+        for number, tune in enumerate(table.tune):
+            with part(), keyed("tune", number, "constraints"):
+                for name, value in (tune.constraints or {}).items():
+                    limit_of({name: value}, command_unit_of(devices), Scales.of(bare))
         with part(), keyed("hardware"):
             refuse_rate(devices, hardware.command_rate, "command_rate")
         with part():
