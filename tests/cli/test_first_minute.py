@@ -8,6 +8,7 @@ import shlex
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import mrwork
 from sentences import Refused
@@ -111,6 +112,25 @@ def test_the_sample_car_is_a_study_on_two_kinds_of_roads(tmp_path: Path) -> None
     assert study.building.floor_names == ("wheel", "body")
     assert [ground.is_road for ground in study.grounds] == [True, True, True]
     assert study.remarks == ()
+
+
+@pytest.mark.long
+def test_the_sample_wind_runs_and_warns_of_nothing(tmp_path: Path) -> None:
+    printed = typed("mrwork init wind wind", tmp_path)
+    study = mr.read_study(tmp_path / "wind" / "wind.toml")
+    assert [motion.use for motion in study.motions] == ["test", "test", "training"]
+    assert study.remarks == ()
+    weight = 9.81 * study.building.total_mass
+    for ground in study.grounds:
+        # A wind of a few per cent of the weight: it rises from rest, its mean grows over the height.
+        assert 0.01 < ground.peak_force / weight < 0.1
+        assert not ground.forces[:, 0].any()
+        assert (np.diff(ground.forces[:, 50:].mean(axis=1)) > 0.0).all()
+        assert 0.1 < (ground.forces[:, 50:].std(axis=1) / ground.forces[:, 50:].mean(axis=1)).min() < 0.3
+    following = [line.strip() for line in printed.splitlines() if line.startswith("  mrwork ")]
+    said = typed(following[0], tmp_path)
+    assert "warning" not in said
+    assert "Acc. roof [m/s2]" in said
 
 
 @pytest.mark.long

@@ -104,6 +104,73 @@ def test_gusts_over_a_moving_ground_move_a_linear_frame_as_its_matrix_exponentia
     assert found.energy_error[0] < 1e-6
 
 
+def test_a_half_car_by_forces_on_its_wheels_moves_as_dop853_says_over_the_bump_itself() -> None:
+    # Body of 600 kg (heave and pitch) on suspensions 1.1 m before and 1.4 m behind its centre, two wheels on tyres.
+    mass, springs, dashpots = np.diag([600.0, 900.0, 40.0, 40.0]), [18e3, 20e3], [900.0, 1000.0]
+    tyre, pressed, speed, base, span = 190e3, 150.0, 10.0, 2.5, 4.0
+    suspensions = np.array([[1.0, -1.1, -1.0, 0.0], [1.0, 1.4, 0.0, -1.0]])
+    wheels = np.eye(4)[2:]
+    stiffness = suspensions.T @ np.diag(springs) @ suspensions + tyre * wheels.T @ wheels
+    damping = suspensions.T @ np.diag(dashpots) @ suspensions + pressed * wheels.T @ wheels
+    car = Building(
+        name="half car",
+        mass=mass,
+        damping=damping,
+        stiffness=stiffness,
+        influence=np.array([1.0, 0.0, 1.0, 1.0]),
+        floors=np.array([[1.0, 0.0, 0.0, 0.0], *wheels]),
+        storeys=np.vstack([wheels, suspensions]),
+        floor_names=("body", "front wheel", "rear wheel"),
+        storey_names=("front tyre", "rear tyre", "front suspension", "rear suspension"),
+    )
+
+    def road(time: Floats | float) -> tuple[Floats, Floats]:
+        """Height and its rate under both wheels: a bump of 40 mm, cos^4, that the rear wheel meets later."""
+        place = speed * (np.asarray(time)[..., None] - 0.1) - np.array([0.0, base])
+        angle = np.pi * np.clip(place / span - 0.5, -0.5, 0.5)
+        rate = -0.16 * np.cos(angle) ** 3 * np.sin(angle) * np.pi * speed / span
+        return 0.04 * np.cos(angle) ** 4, rate
+
+    dt = 5e-4
+    time = dt * np.arange(3001)
+    height, rate = road(time)
+    pushed = np.vstack([np.zeros(time.size), (tyre * height + pressed * rate).T])
+    spec, numbers = mr.damper("bingham"), {"f_c": 200.0, "v_s": 0.1, "c0": 300.0, "f0": 0.0}
+    devices = [
+        mr.Device(
+            name=name,
+            spec=spec,
+            theta=[numbers[parameter.name] for parameter in spec.parameters],
+            row=row,
+            largest_command=1.0,
+        )
+        for name, row in zip(("front damper", "rear damper"), suspensions, strict=True)
+    ]
+    law = mr.ControlLaw(name="passive", gains={"command": [0.0, 0.0]})
+    hardware = Hardware(sample_time=0.001, step=dt)
+    found = mr.simulate_loop(car, devices, law, [force_motion(pushed, dt)], hardware, histories=True)
+
+    def slope(now: float, state: Floats) -> Floats:
+        stretch, rates = suspensions @ state[:4], suspensions @ state[4:]
+        carried = springs * stretch + dashpots * rates + 200.0 * np.tanh(rates / 0.1) + 300.0 * rates
+        under, moved = road(now)
+        tyres = tyre * (state[2:4] - under) + pressed * (state[6:] - moved)
+        return np.concatenate([state[4:], -np.linalg.solve(mass, suspensions.T @ carried + wheels.T @ tyres)])
+
+    solved = solve_ivp(
+        slope, (0.0, 1.5), np.zeros(8), method="DOP853", t_eval=time, rtol=1e-10, atol=1e-13, max_step=0.005
+    )
+    exact = solved.y.T
+    history = found.histories[0].state
+    assert history == pytest.approx(exact[::2], abs=1e-4 * np.abs(exact).max())
+    strokes = np.abs(exact[:, :4] @ car.storeys.T).max(axis=0)
+    assert found.peak_drift[0] == pytest.approx(strokes, rel=1e-4)
+    accelerations = np.array([slope(now, state)[[4, 6, 7]] for now, state in zip(time, exact, strict=True)])
+    assert found.peak_acceleration[0] == pytest.approx(np.abs(accelerations).max(axis=0), rel=1e-4)
+    rms = np.sqrt(np.trapezoid(accelerations**2, time, axis=0) / time[-1])
+    assert found.rms_acceleration[0] == pytest.approx(rms, rel=1e-4)
+
+
 def test_a_damper_under_gusts_moves_as_dop853_says() -> None:
     building, motion = frame(2), wind(2, duration=3.0)
     found = run(building, motion, damped=True)

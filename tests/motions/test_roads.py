@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -230,3 +232,39 @@ def test_a_road_without_its_keys_is_refused(tmp_path: Path, motion: str, match: 
     path = tmp_path / "car.toml"
     path.write_text(f"{CAR}[[motion]]\n{motion}\n")
     refusal(mr.read_study, path, match=match)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda road: mr.motions.trimmed(road, start=0.5), "begins level, and the part from a later start"),
+        (lambda road: mr.motions.time_scaled(road, 0.5), "another time axis changes the heights"),
+        (lambda road: mr.motions.baseline_corrected(road, order=1), "no drift of a baseline"),
+    ],
+)
+def test_a_road_is_not_made_another_by_what_is_done_to_accelerograms(
+    change: Callable[[mr.motions.GroundMotion], object], says: str
+) -> None:
+    road = road_motion(bump(TIME), DT)
+    refusal(change, road, match=says)
+    # Its end may be cut.
+    assert mr.motions.trimmed(road, end=0.5).is_road
+
+
+def test_a_road_with_forces_on_floors_is_in_no_file(tmp_path: Path) -> None:
+    road = road_motion(bump(TIME), DT)
+    pushed = replace(road, forces=np.ones((2, TIME.size)))
+    made = mr.study_of(
+        building=quarter_car(),
+        motions=[pushed],
+        dampers=[{"storey": "suspension", "preset": "kwok2006"}],
+        laws=["passive_on"],
+    )
+    refusal(
+        made.to_toml, tmp_path / "study.toml", match="is a road with forces on floors, which no table holds"
+    )
+
+
+def test_forces_alone_have_no_response_spectrum() -> None:
+    wind = mr.motions.force_motion(np.ones((2, 100)), 0.01)
+    refusal(mr.motions.response_spectrum, wind, [0.5], match="a response spectrum is of ground accelerations")

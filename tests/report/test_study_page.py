@@ -206,7 +206,7 @@ def test_a_suite_at_half_of_its_target_and_small_dampers_stand_on_the_front() ->
     at_half, small = weak.cautions
     ratio = float(at_half.partition(" times the target")[0].rpartition(" ")[2])
     assert 0.3 < ratio < 0.7
-    assert "small for this building" in small
+    assert "small for this structure" in small
     # Dampers that lock the storey are not small, whatever command is best.
     strong = front_of(5.0 * ratio, 150).cautions
     assert any("locks its storey" in each for each in strong)

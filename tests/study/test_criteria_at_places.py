@@ -92,6 +92,19 @@ def test_a_place_that_has_no_such_criterion_is_refused(tmp_path: Path, name: str
         refusal(study, tmp_path, table, match=match)
 
 
+def test_a_name_that_is_lacking_and_a_limit_without_a_unit_are_told_where_the_study_is_read(
+    tmp_path: Path,
+) -> None:
+    refusal(
+        study,
+        tmp_path,
+        asking("rms_acceleration@"),
+        match="line .*rms_acceleration@: no name stands behind @",
+    )
+    tuned = '[[tune]]\nlaws = ["skyhook_groundhook"]\nconstraints = { "peak_drift@suspension" = "40" }\n'
+    refusal(study, tmp_path, tuned, match="line .*the limit of peak_drift@suspension is the text '40'")
+
+
 def test_a_tuning_minimises_and_keeps_limits_at_places(tmp_path: Path) -> None:
     made = study(tmp_path)
     comfort = TuneTable(

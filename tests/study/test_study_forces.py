@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import mrwork
+from quarter_car import CAR
 from refusals import command_refusal, refusal
 
 import mrwork as mr
 from mrwork.motions import GroundMotion, force_motion
+from mrwork.motions.ground_motion import likeness
 from mrwork.report.study.figures import motion_section
 from mrwork.study.loop_case import LoopCase
 from mrwork.study.study import digest_of_run
@@ -42,6 +45,9 @@ def folder(tmp_path: Path) -> Path:
     save("shaker.csv", "t_s,force_kN", TIME, GUSTS[2] / 1e3)
     save("twice.csv", "t_s,roof_N,Roof (kN)", TIME, GUSTS[2], GUSTS[2])
     save("attic.csv", "t_s,Deck 1_N,attic_N", TIME, GUSTS[2], GUSTS[2])
+    save("one.csv", "t_s,roof (kN)", TIME, GUSTS[2])
+    save("pressed.csv", "t_s,roof (kPa)", TIME, GUSTS[2])
+    save("lonely.csv", "t_s,roof (kN)", TIME[:1], GUSTS[2][:1])
     save("falling.csv", "t_s,roof_N", TIME[::-1], GUSTS[2])
     save("holes.csv", "t_s,roof_N,Deck 1_N", TIME, np.where(TIME[7] == TIME, np.nan, GUSTS[2]), GUSTS[0])
     save("zeros.csv", "t_s,roof_N", TIME, 0.0 * TIME)
@@ -217,6 +223,22 @@ def test_observers_and_predictions_are_told_of_forces(folder: Path) -> None:
     assert codes(rollout + "shear_offsets = true\n") == []
 
 
+def test_a_grid_that_loses_the_gusts_is_told(folder: Path) -> None:
+    with pytest.warns(
+        mr.errors.MrworkWarning, match=r"resampled every 0.7 s the impulse of its forces is off by"
+    ):
+        study(folder, 'force = "wind.csv"\nresample = 0.7')
+    # Every second sample holds a tenth of a period.
+    study(folder, 'force = "wind.csv"\nresample = 0.04')
+
+
+def test_two_winds_of_one_mean_are_no_copies_and_one_with_another_factor_is() -> None:
+    rng = np.random.default_rng(5)
+    one, other = (force_motion(5e3 + 5e2 * rng.standard_normal((3, 200)), 0.02) for _ in range(2))
+    assert likeness(one, other) < 0.2
+    assert likeness(one, mr.motions.scaled(one, -3.0)) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("factor", [1e4, 1e-9])
 def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float) -> None:
     def remarks(more: str) -> list[tuple[str, str]]:
@@ -233,7 +255,7 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         ('force = "twice.csv"', "line 11: .*floor 'roof' has two columns"),
         (
             'force = "attic.csv"',
-            "'attic' is no floor of the building; choose one of Deck 1, Deck 2",
+            "'attic' is no floor of the building; choose one of Deck 1, Deck 2, roof, or delete that column",
         ),
         ('force = "shaker.csv"', "column 'force_kN' names no floor; give floor = \"roof\", or shape"),
         (
@@ -249,6 +271,18 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         ('force = "two.csv"', "column 'roof' does not state the unit of its forces"),
         ('force = "shaker.csv"\nfloor = 3\nunit = "N"', "where every column states its own"),
         ('force = "shaker.csv"\nfloor = 3\nunit = "g"', "'g'"),
+        ('force = "pressed.csv"\nunit = "kN"', "'roof \\(kPa\\)': 'kPa' is no unit of force"),
+        ('force = "lonely.csv"', "has 1 row of forces; give two or more"),
+        (
+            'force = "one.csv"\nfloor = "Deck 1"',
+            "column 'roof \\(kN\\)' is of floor 'roof', and `floor` or `shape`",
+        ),
+        (
+            'force = "one.csv"\nshape = [0.2, 0.5, 1.0]',
+            "is of floor 'roof', and `floor` or `shape` say otherwise",
+        ),
+        ('file = "wind.csv"', 'a force \\[kN\\], and .*give forces on floors as force = "wind.csv"'),
+        ('file = "shaker.csv"\ncolumn = "2"\nunit = "g"', "'force_kN' is a force"),
         ('force = "falling.csv"', "line 3: times do not rise"),
         ('force = "holes.csv"', "line 9: the force in column 'roof_N' is no finite number"),
         ('force = "zeros.csv"', "is zero throughout"),
@@ -274,3 +308,24 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
 )
 def test_a_mistake_is_told_with_its_line_and_remedy(folder: Path, motion: str, says: str) -> None:
     refusal(study, folder, motion, match=says)
+
+
+# Words of pages
+
+
+def test_a_page_of_a_car_calls_its_parts_by_their_names(tmp_path: Path, pages: None) -> None:
+    heights = "\n".join(f"{0.05 * n:.2f},{max(0.0, 20.0 * np.sin(0.1 * n)):.3f}" for n in range(60))
+    (tmp_path / "bump.csv").write_text(f"distance_m,height_mm\n{heights}\n")
+    control = '[[controller]]\nlaw = "passive_on"\n[[motion]]\nroad = "bump.csv"\nspeed = "36 km/h"\n'
+    (tmp_path / "car.toml").write_text(CAR + control)
+    ended = mrwork("respond", tmp_path / "car.toml", "--out", tmp_path / "out")
+    page = re.sub(
+        r"<(style|script).*?</\1>|<[^>]*>", " ", (tmp_path / "out" / "report.html").read_text(), flags=re.S
+    )
+    of_buildings = r"storey|roof|drift ratio|building|ground motion|ground acceleration"
+    assert not re.search(of_buildings, ended.stdout + page, re.IGNORECASE)
+    assert all(words in page for words in ("tyre, suspension", "Quarter car", "Shear of parts"))
+    # A road has no peak acceleration.
+    results = mr.load(tmp_path / "out")
+    assert motion_section(results).title == "Motions"
+    assert "m/s" not in motion_section(results).summary

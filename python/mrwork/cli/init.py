@@ -1,10 +1,13 @@
-"""`mrwork init`: a sample to begin with, a rig's records, a study file or a car with its road; nothing is replaced."""
+"""`mrwork init`: a sample to begin with: records of a rig, a study, one of a car or of wind; nothing is replaced."""
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import random
 import shlex
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal, get_args
@@ -18,9 +21,9 @@ from mrwork.records.rig_table import TABLE_NAME
 from mrwork.store.output_file import explain_failure, write_file
 from mrwork.store.run_folder import refuse_path_in_run
 
-Sample = Literal["rig", "study", "car"]
+Sample = Literal["rig", "study", "car", "wind"]
 
-_STUDY, _CAR = "study.toml", "car.toml"
+_STUDY, _FLOORS = "study.toml", 6
 # The rig was simulated: normalised_bouc_wen with its nominal parameters, but k_w = 300 + 500 i - 80 i^2 and
 # c = 1500 + 1500 i (i in A, numbers of our own), driven by sines from rest at mid-stroke, sampled at 5 ms. The sensors
 # add white noise with standard deviations of 5 um and 4 N.
@@ -28,19 +31,20 @@ _SAMPLES = files("mrwork.cli") / "samples"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the sample, a rig, a study or a car, and the place where it is written."""
+    """Declare the sample and the place where it is written."""
     parser.description = (
         "Write a sample to begin with. rig: a folder with synthetic tests of a damper and their table, tests.csv, for "
         "fit, calibration and test. study: a study of a building of three storeys, with a comment on every key. "
-        "car: a folder with a study of a quarter car on a random road and a bump. Nothing that is there is replaced."
+        "car: a folder with a study of a quarter car on a random road and a bump. wind: a folder with a study of a "
+        "tower and a history of wind forces on its floors. Nothing that is there is replaced."
     )
     parser.epilog = examples("mrwork init rig my_rig", "mrwork init study my_study.toml")
-    parser.add_argument("sample", choices=get_args(Sample), metavar="SAMPLE", help="rig, study or car")
+    parser.add_argument("sample", choices=get_args(Sample), metavar="SAMPLE", help="rig, study, car or wind")
     parser.add_argument(
         "place",
         type=named_path,
         metavar="PLACE",
-        help=f"of a rig or a car a folder, new or empty; of a study a file .toml, or a folder for {_STUDY}",
+        help=f"of a rig, a car or wind a folder, new or empty; of a study a file .toml, or a folder for {_STUDY}",
     )
     end_parser(parser, run, quiet="")
 
@@ -51,7 +55,7 @@ _Written = tuple[str, list[Path], list[str]]
 
 def run(options: argparse.Namespace) -> int:
     """Write the sample and print what can be done with it."""
-    write = {"rig": _write_rig, "study": _write_study, "car": _write_car}[options.sample]
+    write = {"rig": _write_rig, "study": _write_study, "car": _write_car, "wind": _write_wind}[options.sample]
     what, written, commands = write(options.place)
     document = {"sample": options.sample, "files": list(map(str, written)), "next": commands}
     lines = [f"Written: {what}", "", "Next:", *(f"  {line}" for line in commands)]
@@ -83,10 +87,58 @@ def _write_study(path: Path) -> _Written:
 
 
 def _write_car(folder: Path) -> _Written:
-    contents = _write_folder("car", folder)
-    name = shlex.quote(str(folder / _CAR))
-    commands = [f"mrwork respond {name}", f"mrwork tune {name} --quick"]
-    return f"{folder}, a quarter car on two roads", sorted(folder / name for name in contents), commands
+    return _write_loads("car", "a quarter car on two roads", folder, {"bump.csv": _bump()})
+
+
+def _write_wind(folder: Path) -> _Written:
+    winds = {f"{name}.csv": _wind(seed) for seed, name in enumerate(("wind-1", "wind-2", "training"))}
+    return _write_loads("wind", "a tower under wind", folder, winds)
+
+
+def _write_loads(sample: str, what: str, folder: Path, tables: Mapping[str, Iterator[str]]) -> _Written:
+    """Write the study of a sample and the tables of its loads."""
+    contents = [*_write_folder(sample, folder), *tables]
+    for name, lines in tables.items():
+        write_file(folder / name, "\n".join([*lines, ""]).encode())
+    study = shlex.quote(str(folder / f"{sample}.toml"))
+    commands = [f"mrwork respond {study}", f"mrwork tune {study} --quick"]
+    return f"{folder}, {what}", sorted(folder / name for name in contents), commands
+
+
+def _bump() -> Iterator[str]:
+    """A road of 30 m with a bump of 50 mm over 3 m, half a period of a cosine to either side."""
+    yield "distance_m,height_mm"
+    for place in range(601):
+        height = 25.0 * (1.0 - math.cos(2.0 * math.pi * (place - 100) / 60)) if 100 < place < 160 else 0.0
+        yield f"{0.05 * place:.2f},{height:.4g}"
+
+
+def _wind(seed: int) -> Iterator[str]:
+    """A minute of forces that rise in 10 s: a mean and gusts, which six floors share, and less than half their own.
+
+    Sines at 0.02 to 1 Hz of amplitudes that fall with f^(-5/6), as the spectra of gusts do, have random phases.
+    """
+    yield ",".join(["time_s", *(f"floor {floor} (kN)" for floor in range(1, _FLOORS)), "roof (kN)"])
+    drawn = random.Random(seed)
+    frequencies = [0.02 * number for number in range(1, 51)]
+    amplitudes = [frequency ** (-5.0 / 6.0) for frequency in frequencies]
+    size = 0.2 / math.sqrt(sum(each**2 for each in amplitudes) / 2.0)
+    phases = [[drawn.uniform(0.0, 2.0 * math.pi) for _ in frequencies] for _ in range(1 + _FLOORS)]
+    for row in range(301):
+        time = 0.2 * row
+        common, *own = [
+            sum(
+                size * each * math.sin(2.0 * math.pi * frequency * time + phase)
+                for each, frequency, phase in zip(amplitudes, frequencies, of_one, strict=True)
+            )
+            for of_one in phases
+        ]
+        faded = min(time / 10.0, 1.0)
+        forces = [
+            60.0 * ((floor + 1) / _FLOORS) ** 0.4 * faded * (1.0 + 0.9 * common + 0.4 * gust)
+            for floor, gust in enumerate(own)
+        ]
+        yield ",".join([f"{time:.1f}", *(f"{force:.4g}" for force in forces)])
 
 
 def _write_folder(sample: str, folder: Path) -> list[str]:

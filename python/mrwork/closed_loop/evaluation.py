@@ -236,6 +236,8 @@ def criterion(name: str) -> Criterion:
     base, at, place = name.partition("@")
     known = {entry.name: entry for entry in (*_CRITERIA, *_ON_REQUEST)}
     check_known(base, [*known], f"no criterion is called {base!r}")
+    if at and not place:
+        raise SettingError(f"{name}: no name stands behind @; give one, or leave @ out")
     return known[base].at(place) if at else known[base]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from mrwork.base.keys import suggestion
 from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
-from mrwork.base.units import factor_of, factor_to_si
+from mrwork.base.units import factor_to_si
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.files.layout import numbered_names
@@ -36,11 +36,13 @@ def shares_of(floors: Sequence[str], floor: str | int | None, shape: Sequence[fl
     return None if floor is None else np.eye(len(floors))[:, [_index(floor, floors, "`floor`")]]
 
 
-def _index(floor: str | int, floors: Sequence[str], what: str) -> int:
+def _index(floor: str | int, floors: Sequence[str], what: str, cure: str = "") -> int:
     named = {_plain(name): place for place, name in enumerate(floors)}
     place = floor - 1 if isinstance(floor, int) else named.get(_plain(floor), -1)
     if not 0 <= place < len(floors):
-        raise SettingError(f"{what} {floor!r} is no floor of the building{suggestion(str(floor), floors)}")
+        raise SettingError(
+            f"{what} {floor!r} is no floor of the building{suggestion(str(floor), floors)}{cure}"
+        )
     return place
 
 
@@ -83,11 +85,19 @@ def read_forces(
             f"{source}: `floor` and `shape` are of one column of forces, and there are {list_names(free)}; leave them "
             "out and name each column by its floor, or keep one column"
         )
+    if shares is not None and not numbered:
+        own = _plain(_words_of(free[0], floors)[0])
+        named = [place for place, name in enumerate(floors) if _plain(name) == own]
+        if named and np.flatnonzero(shares).tolist() != named:
+            raise SettingError(
+                f"{source}: column '{free[0]}' is of floor {floors[named[0]]!r}, and `floor` or `shape` say otherwise; "
+                "leave them out, or call the column force"
+            )
     if shares is None:
         shares = np.zeros((len(floors), len(free)))
         shares[_places(free, floors, source, numbered=numbered), range(len(free))] = 1.0
     columns = table.read(free if time is None else [time, *free])
-    factors = _factors(table, free, unit, source)
+    factors = _factors(table, free, unit, floors, source)
     samples = np.array([factor * columns[name] for factor, name in zip(factors, free, strict=True)])
     wrong = np.argwhere(~np.isfinite(samples.T))
     if wrong.size:
@@ -98,9 +108,12 @@ def read_forces(
     if time is not None:
         times = seconds_of(table, time, source)
         falls = np.flatnonzero(~(np.diff(times) > 0.0))
-        if times.size < 2 or falls.size:
-            row = int(falls[0]) + 1 if falls.size else 0
-            raise RecordError(f"{source}: {table.locate(row)}: times do not rise; sort the rows, two or more")
+        if times.size < 2:
+            raise RecordError(f"{source}: has {counted(times.size, 'row')} of forces; give two or more")
+        if falls.size:
+            raise RecordError(
+                f"{source}: {table.locate(int(falls[0]) + 1)}: times do not rise; sort the rows"
+            )
         steps = [on_one_step(times, each, lambda row: f"{source}: {table.locate(row)}") for each in samples]
         dt, change, samples = steps[0][0], steps[0][2], np.array([each for _, each, _ in steps])
     assert dt is not None
@@ -118,26 +131,32 @@ def _places(names: Sequence[str], floors: Sequence[str], source: str, *, numbere
                 f'floor = "{floors[-1]}" or a shape for one column'
             )
         return [*range(len(floors))]
-    known = {_plain(name) for name in floors}
-    # A floor may be called by a word that is a unit.
-    own = [name if _plain(name) in known else words_and_unit(name)[0] for name in names]
-    if len(own) == 1 and _plain(own[0]) not in known:
+    own = [_words_of(name, floors)[0] for name in names]
+    if len(own) == 1 and _plain(own[0]) not in {*map(_plain, floors)}:
         raise RecordError(
             f"{source}: column '{names[0]}' names no floor; give floor = \"{floors[-1]}\", or shape = [...] with a "
             f"share for each of {list_names(floors)}"
         )
-    places = [_index(name, floors, f"{source}: column") for name in own]
+    places = [_index(name, floors, f"{source}: column", ", or delete that column") for name in own]
     twice = next((name for name, place in zip(names, places, strict=True) if places.count(place) > 1), None)
     if twice is not None:
         raise RecordError(f"{source}: floor {floors[places[names.index(twice)]]!r} has two columns; keep one")
     return places
 
 
-def _factors(table: ColumnTable, names: Sequence[str], unit: str | None, source: str) -> list[float]:
+def _words_of(name: str, floors: Sequence[str]) -> tuple[str, str]:
+    """The words of the name of a column, and its unit; a floor may be called by a word that is a unit."""
+    return (name, "") if _plain(name) in {*map(_plain, floors)} else words_and_unit(name)
+
+
+def _factors(
+    table: ColumnTable, names: Sequence[str], unit: str | None, floors: Sequence[str], source: str
+) -> list[float]:
     """Factors of columns to newtons, by the units of their names, of the file or else the given one."""
-    stated = [
-        words if factor_of(words, "force") is not None else table.units.get(name, "")
-        for name, (_, words) in zip(names, map(words_and_unit, names), strict=True)
+    stated = [_words_of(name, floors)[1] or table.units.get(name, "") for name in names]
+    factors = [
+        factor_to_si(own or unit or "N", "force", context=f"{source}: column '{name}'")
+        for name, own in zip(names, stated, strict=True)
     ]
     if unit is None and "" in stated:
         name = names[stated.index("")]
@@ -148,7 +167,4 @@ def _factors(table: ColumnTable, names: Sequence[str], unit: str | None, source:
         raise SettingError(
             f"{source}: `unit` is {unit!r} where every column states its own; leave `unit` out"
         )
-    return [
-        factor_to_si(own or unit or "", "force", context=f"{source}: column '{name}'")
-        for name, own in zip(names, stated, strict=True)
-    ]
+    return factors

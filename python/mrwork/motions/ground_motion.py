@@ -207,6 +207,14 @@ def refuse_forces(motion: GroundMotion, what: str) -> None:
         )
 
 
+def _refuse_road(motion: GroundMotion, what: str) -> None:
+    """Refuse what is done to an accelerogram, and would make another road of a road."""
+    if motion.is_road:
+        raise SettingError(
+            f"motion {motion.name}: {what}; change its heights or its speed, and make the road anew with road_motion"
+        )
+
+
 # Copies that were cut, corrected, resampled or scaled have 0.95 or more. Different motions have less: up to 0.45 among
 # twenty measured records, up to 0.81 among synthetic ones of soft soil, which are nearly harmonic.
 _COPY = 0.9
@@ -220,11 +228,13 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
 
     The accelerations are correlated where the two overlap, in absolute value, for shifts that leave half the energy of
     one motion and a tenth of the energy of the other in the overlap. Motions with different steps are also compared
-    sample by sample, which finds a copy with another time axis. Forces over a ground at rest are compared as they are.
+    sample by sample, which finds a copy with another time axis. Of forces over a ground at rest the changes between
+    samples are compared as they are: two winds of one mean are no copies.
     """
     if not (one.peak or other.peak) and one.forces.shape == other.forces.shape:
-        norms = float(np.linalg.norm(one.forces) * np.linalg.norm(other.forces))
-        return abs(float(np.vdot(one.forces, other.forces))) / norms if norms else 0.0
+        changes = np.diff(one.forces), np.diff(other.forces)
+        norms = float(np.prod([*map(np.linalg.norm, changes)]))
+        return abs(float(np.vdot(*changes))) / norms if norms else 0.0
     correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
         correlation = max(correlation, _largest_correlation(one.acceleration, other.acceleration))
@@ -362,6 +372,7 @@ def time_scaled(motion: GroundMotion, factor: Positive) -> GroundMotion:
     >>> time_scaled(synthetic_motion(), 0.2).changes[-1]
     'time axis x 0.2'
     """
+    _refuse_road(motion, "another time axis changes the heights of a road")
     return replace_samples(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
 
 
@@ -381,6 +392,8 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
         )
     if (first, last) == (0, motion.n_time - 1):
         return motion
+    if first:
+        _refuse_road(motion, "a road begins level, and the part from a later start would be tilted")
     change = f"cut to {first * motion.dt:.6g} to {last * motion.dt:.6g} s"
     kept = slice(first, last + 1)
     acceleration, forces = motion.acceleration[kept].copy(), motion.forces[:, kept].copy()
@@ -433,6 +446,19 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
             MrworkWarning,
             stacklevel=3,
         )
+    if not forces.size:
+        return result
+    lost = np.array([np.interp(time, at, force) for force in forces]) - motion.forces
+    swing = motion.forces - motion.forces.mean(axis=1, keepdims=True)
+    impulses = [float(np.abs(np.cumsum(each, axis=1)).max()) for each in (lost, swing)]
+    if impulses[0] > _LOST * impulses[1]:
+        warnings.warn(
+            f"motion {motion.name}: resampled every {dt:g} s the impulse of its forces is off by up to "
+            f"{100.0 * impulses[0] / impulses[1]:.3g} % of its swing, since what lies between the new samples is lost; "
+            f"simulate it every {motion.dt:g} s, without `resample`",
+            MrworkWarning,
+            stacklevel=3,
+        )
     return result
 
 
@@ -451,6 +477,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
         line. The corresponding drift of the velocity is one order higher.
     """
     refuse_forces(motion, "a baseline")
+    _refuse_road(motion, "heights of a road have no drift of a baseline")
     highest = min(HIGHEST_ORDER, motion.n_time - 2)
     if not 0 <= order <= highest:
         raise SettingError(f"ground motion {motion.name}: baseline of order {order}; give 0 to {highest}")

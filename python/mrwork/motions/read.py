@@ -143,7 +143,7 @@ def _motion_of_table(
         raise SettingError(
             f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
         )
-    _refuse_displacement(table, [name] if name else [] if candidates else free, source)
+    _refuse_other_quantities(table, [name] if name else [] if candidates else free, source)
     likely = name or next(iter(free), "")
     column_unit = _stem_and_unit(likely)[1] or table.units.get(likely, "")
     symbol = column_unit or facts.unit
@@ -188,8 +188,8 @@ def _motion_of_table(
     return replace(motion, is_road=is_road, dt=motion.dt if time is not None or dt is None else dt)
 
 
-def _refuse_displacement(table: ColumnTable, names: Sequence[str], source: str) -> None:
-    """Refuse a table whose column is a displacement, and point to what takes a road."""
+def _refuse_other_quantities(table: ColumnTable, names: Sequence[str], source: str) -> None:
+    """Refuse a table whose column is a displacement or a force, and point to what takes a road or forces."""
     for name in names:
         unit = words_and_unit(name)[1] or table.units.get(name, "")
         if factor_of(unit, "displacement") is not None:
@@ -197,6 +197,12 @@ def _refuse_displacement(table: ColumnTable, names: Sequence[str], source: str) 
                 f"{source}: column '{name}' is a displacement [{unit}], and a ground motion is an acceleration; give "
                 f'heights of a road as road = "{Path(source).name}" in [[motion]], or to mr.motions.read_road, and '
                 "of an earthquake the acceleration"
+            )
+        # N may be the north.
+        if unit.upper() != "N" and factor_of(unit, "force") is not None:
+            raise RecordError(
+                f"{source}: column '{name}' is a force [{unit}], and a ground motion is an acceleration; give forces "
+                f'on floors as force = "{Path(source).name}" in [[motion]]'
             )
 
 

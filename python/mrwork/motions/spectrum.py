@@ -114,6 +114,8 @@ def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: Rati
     >>> spectrum.pseudo_acceleration.shape
     (3,)
     """
+    if not motion.peak:
+        refuse_forces(motion, "a response spectrum")
     period = np.atleast_1d(np.asarray(periods, dtype=np.float64))
     if period.ndim != 1 or period.size == 0 or not (period >= SMALLEST).all():
         raise SettingError(

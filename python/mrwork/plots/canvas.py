@@ -46,9 +46,9 @@ def column_axes(
     return _axes_within((style.PANEL_WIDTH, height), left, RIGHT, BOTTOM, top)
 
 
-def small_axes(height: float = SMALL_HEIGHT) -> tuple[Figure, Axes]:
+def small_axes(height: float = SMALL_HEIGHT, *, left: float = LEFT) -> tuple[Figure, Axes]:
     """Axes as wide as one of four columns of a page."""
-    figure, axes = _axes_within((SMALL_WIDTH, height), LEFT, *_SMALL_MARGINS)
+    figure, axes = _axes_within((SMALL_WIDTH, height), left, *_SMALL_MARGINS)
     few_ticks(axes)
     return figure, axes
 

@@ -152,6 +152,7 @@ def storey_profiles(
             quantity_named(quantity).unit, max(float(values.max()) for _, values, _ in lines)
         )
         factor, symbol = unit.factor, unit.symbol
+    words = quantity.replace("storey_", "") if facts is not None and facts.parts else quantity
     axes, heights = axes_for(ax), np.arange(1, len(names) + 1)
     for number, (label, values, stroke) in enumerate(lines):
         order = 3.0 - number / len(lines)
@@ -167,7 +168,7 @@ def storey_profiles(
     name_heights(axes, names)
     return finished(
         axes,
-        with_unit(quantity.replace("_", " ").capitalize(), symbol),
+        with_unit(words.replace("_", " ").capitalize(), symbol),
         "",
         legend=legend and len(lines) <= len(style.HUES),
     )

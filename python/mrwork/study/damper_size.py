@@ -107,7 +107,7 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     largest = f"; {'on the base' if most.on_base else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
     return (
         f"The dampers reach {list_names(by_storey, _NAMED)}{largest if len(by_storey) > 1 else ''}, "
-        f"{' to '.join(shares)} % of the peak base shear of the building without them "
+        f"{' to '.join(shares)} % of the peak base shear without them "
         f"({round_to(1e-3 * most.shear, 3):g} kN, {round_to(results.building.total_mass, 3):,.10g} kg), under {under}.",
     )
 
@@ -149,7 +149,7 @@ def _weak(results: StudyResults) -> Iterator[Remark]:
 
 BEST_AT_LARGEST: Final = RemarkKind(
     "largest_command_best",
-    "the largest command is the best constant one ({0}), so the dampers are small for this building",
+    "the largest command is the best constant one ({0}), so the dampers are small for this structure",
     "more or larger dampers would reduce its response further{unless}",
 )
 
@@ -179,8 +179,8 @@ def _rigidity(results: StudyResults, study: Study) -> Floats:
 
 _LOCKED: Final = RemarkKind(
     "storey_locked",
-    "{0} locks its storey {when}: {force:g} kN at a stroke of {stroke:g} mm is {times:g} times the stiffness of the "
-    "storey (under {motion} with {row}), and a rigid brace dissipates little and may raise accelerations",
+    "{0} locks its {place} {when}: {force:g} kN at a stroke of {stroke:g} mm is {times:g} times the stiffness of the "
+    "{place} (under {motion} with {row}), and a rigid brace dissipates little and may raise accelerations",
     "{1}",
 )
 
@@ -210,6 +210,7 @@ def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> It
             results.dampers[device].name,
             remedy,
             measured=Measured(float(ratios[worst]), ""),
+            place="place" if results.building.parts else "storey",
             when=when,
             force=round_to(1e-3 * float(force[(*worst, device)]), 3),
             stroke=round_to(1e3 * float(stroke[(*worst, device)]), 2),

@@ -34,7 +34,7 @@ class MotionFacts:
     """A motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record, intensity, force [N].
 
     The intensity is in the measure that the motion was scaled to, else its peak. `level` is what it was scaled to in
-    words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a copy of.
+    words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a copy of. The ground may be a road.
     """
 
     name: str
@@ -50,12 +50,14 @@ class MotionFacts:
     level: str = ""
     copy_of: str = ""
     peak_force: NotNegative = 0.0
+    is_road: bool = False
 
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
         """The facts of a motion of a study."""
         return MotionFacts(
             **named(motion.ground, "name", "peak", "peak_force", "duration", "source", "changes", "groups"),
+            is_road=motion.ground.is_road,
             **named(motion, "synthetic", "use", "record", "intensity", "copy_of"),
             level=motion.level_in_words,
         )

@@ -222,8 +222,9 @@ def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
             if judged.file is not None and channels[0] == channels[1]:
                 raise SettingError(f"{names} are of one file, {judged.file.name}; {remedy}")
             if is_copy(judged.ground, trained.ground):
+                samples = "accelerations" if judged.ground.peak else "forces"
                 raise SettingError(
-                    f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
+                    f"{names} are one record: their {samples} agree after a shift and a factor, correlation "
                     f"{likeness(judged.ground, trained.ground):.3f}; {remedy}"
                 )
 

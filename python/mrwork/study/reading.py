@@ -221,6 +221,10 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
             limit: Mapping[str, float] = {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
             if table.report.limit is not None:
                 limit = limit_of(table.report.limit, command_unit_of(devices), Scales.of(bare))
+        for number, tune in enumerate(table.tune):
+            with part(), keyed("tune", number, "constraints"):
+                for name, value in (tune.constraints or {}).items():
+                    limit_of({name: value}, command_unit_of(devices), Scales.of(bare))
         with part(), keyed("hardware"):
             refuse_rate(devices, hardware.command_rate, "command_rate")
         with part():
@@ -376,7 +380,7 @@ def _facts(
     modes = zip(bare.frequencies[:5], 100.0 * bare.damping_ratios[:5], strict=True)
     frequencies = ", ".join(f"{frequency:.3g} Hz ({significant(ratio, 3)} %)" for frequency, ratio in modes)
     source = f"; {bare.source} ({bare.status})" if bare.source else ""
-    facts = [("Building", f"{bare.name}, frequencies (damping) {frequencies}{source}")]
+    facts = [("Structure", f"{bare.name}, frequencies (damping) {frequencies}{source}")]
     for device in devices:
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""

@@ -133,7 +133,8 @@ class BuildingFacts:
     `heights` belong to the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
     weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0. `passive` are the
     passive devices, and `passive_storeys` the storeys that such devices stand across; `total_mass` moves with the
-    ground [kg].
+    ground [kg]. Of a structure whose storeys all have names of their own, as tyre and suspension, `parts` are these:
+    it is not called a building, nor they storeys.
 
     There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix, with
     moments of inertia.
@@ -151,6 +152,7 @@ class BuildingFacts:
     passive: tuple[str, ...] = ()
     passive_storeys: tuple[int, ...] = ()
     total_mass: float = 0.0
+    parts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         # Of a run folder without it.
@@ -173,6 +175,7 @@ class BuildingFacts:
     def of(building: Building) -> BuildingFacts:
         """The facts of a building without dampers."""
         devices = [element for element in building.elements if not element.in_stiffness]
+        names, numbered = building.storey_names, {f"storey {n}" for n in range(1, 1 + len(building.storeys))}
         across = (np.flatnonzero((building.chain == device.row).all(axis=1)).tolist() for device in devices)
         numbers = {
             "masses": np.diag(building.mass),
@@ -187,6 +190,7 @@ class BuildingFacts:
             total_mass=building.total_mass,
             passive=tuple(device.name for device in devices),
             passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
+            parts=() if numbered.intersection(names) else names,
         )
 
 

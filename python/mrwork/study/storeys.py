@@ -90,13 +90,13 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
             means = (None if cell is None else float(cell[:, storey].mean()) for cell in cells)
             lines.append((name, *(significant(mean, 3) for mean in means)))
     return Table(
-        label="Storeys",
+        label="Parts" if results.building.parts else "Storeys",
         columns=("", *(STOREY_QUANTITIES[number].title for number in numbers)),
         units=("", *(STOREY_QUANTITIES[number].unit for number in numbers)),
         rows=tuple(lines),
         headings=headings,
-        note="Means of the peaks under the judged motions. Shear: inertia of all above, which frame, dampers and "
-        "damping carry; frame: its springs and elements alone, on which yield stands.",
+        note="Means of the peaks under the judged motions. Shear: inertia of all above less the forces on it, "
+        "which frame, dampers and damping carry; frame: its springs and elements alone, on which yield stands.",
     )
 
 

@@ -80,7 +80,12 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
             group = given.pop("group", [])
             groups = [*(group if isinstance(group, list) else [group]), *motion.groups]
             given |= {"group": groups} if groups else {}
-            if motion.is_road and not motion.forces.size:
+            if motion.is_road and motion.forces.size:
+                raise SettingError(
+                    f"{' '.join(keys)}, {motion.name}, is a road with forces on floors, which no table holds; make "
+                    "them two motions, or keep the study in Python"
+                )
+            if motion.is_road:
                 file = put(f"{name}.txt", {"": _samples(motion.acceleration.tolist(), "road_acceleration\n")})
                 return {"file": file, "unit": "m/s2", "name": motion.name, "dt": motion.dt, **given}
             given |= {"dt": motion.dt}

@@ -132,7 +132,7 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
             for index, row in enumerate(rows)
         ),
         strong=best_cells(results, rows, marked),
-        note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
+        note="Peaks unless stated otherwise, of the worst place. The best control law and the best "
         "passive damper of each column are bold. Travel is the total variation of the command per second; a switching "
         "is a change of more than 10 % of the largest command, until the command turns back by as much.",
     )

@@ -64,7 +64,7 @@ _MAGNITUDES: Mapping[Magnitude, str] = {
     "force": "the peak force of the dampers at the largest command",
     "stroke": "the peak stroke at i = 0",
     "rate": "the peak stroke at i = 0 times the first natural frequency",
-    "ground": "the peak of the ground motions",
+    "ground": "the peak acceleration of the ground, and of forces over the mass",
 }
 
 

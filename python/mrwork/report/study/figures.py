@@ -32,12 +32,13 @@ from mrwork.study.tables import ShownRows, group_table, spread_table
 def profile_figure(
     results: StudyResults, quantity: str, rows: Sequence[int], behind: Sequence[int] = ()
 ) -> Figure:
-    """A quantity over the height, mean over the judged motions, with numbers of storeys or floors at the ordinate."""
-    figure, axes = canvas.small_axes()
+    """A quantity over the height, mean over the judged motions, with numbers or names at the ordinate."""
+    of_floors, named = quantity == "peak_acceleration", bool(results.building.parts)
+    names = results.quantities.axes["floor" if of_floors else "storey"]
+    figure, axes = canvas.small_axes(left=canvas.room_for(names) if named else canvas.LEFT)
     storey_profiles(results, axes, quantity=quantity, rows=rows, behind=behind, legend=False)
-    of_floors = quantity == "peak_acceleration"
-    name_heights(axes, results.quantities.axes["floor" if of_floors else "storey"], numbers=True)
-    canvas.name_above(axes, "Floor" if of_floors else "Storey")
+    name_heights(axes, names, numbers=not named)
+    canvas.name_above(axes, "" if named else "Floor" if of_floors else "Storey")
     wide = axes.get_xlim()[1] >= 1e4
     axes.xaxis.set_major_locator(MaxNLocator(nbins=2 if wide else 4, steps=[1, 2, 5, 10]))
     return figure
@@ -99,7 +100,8 @@ def history_section(
     under = f"{results.quantities.axes['storey'][storey]} under {results.motions[motion].name}"
     bare = (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7)
     panels = []
-    if reference.ground_acceleration.any():
+    # What a road accelerates is a point without mass.
+    if reference.ground_acceleration.any() and not results.motions[motion].is_road:
         ground = _over_time(
             "Ground acceleration (m/s²)", (reference.time, reference.ground_acceleration, style.INK, 0.8)
         )
@@ -241,12 +243,13 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
     return figure
 
 
+_PEAK = Column("peak", "peak", "m/s²", of=lambda facts: None if facts.is_road else facts.peak)
 _PEAK_FORCE = Column("", "peak force", "kN", of=lambda facts: facts.peak_force / 1e3)
 _MOTIONS = (
     Column("name", "motion"),
     Column("", "use", of=lambda facts: f"{facts.use}{', synthetic' if facts.synthetic else ''}"),
     Column("groups", "groups", shown=", ".join),
-    Column("peak", "peak", "m/s²"),
+    _PEAK,
     _PEAK_FORCE,
     Column("duration", "duration", "s"),
     Column("source", "source"),
@@ -260,7 +263,7 @@ def motion_section(results: StudyResults) -> Section:
     Those have their intensities in the place of groups, peak and processing.
     """
     uses = uses_in_words([motion.use for motion in results.motions])
-    peaks = [motion.peak for motion in results.motions if motion.peak]
+    peaks = [motion.peak for motion in results.motions if motion.peak and not motion.is_road]
     lengths = least_to_most(motion.duration for motion in results.motions)
     records: dict[tuple[str, str], list[MotionFacts]] = {}
     for motion in results.motions:
@@ -273,8 +276,13 @@ def motion_section(results: StudyResults) -> Section:
         return f"{len(several)}, {first.intensity.name} {ends} {unit}"
 
     pushed = [motion.peak_force for motion in results.motions if motion.peak_force]
-    shown = [column for column in _MOTIONS if pushed or column is not _PEAK_FORCE]
-    table, of = Table.of(shown, results.motions, label="Ground motions"), ""
+    shown = [
+        column
+        for column in _MOTIONS
+        if (column is not _PEAK or peaks) and (column is not _PEAK_FORCE or pushed)
+    ]
+    title = "Ground motions" if len(peaks) == len(results.motions) else "Motions"
+    table, of = Table.of(shown, results.motions, label=title), ""
     if len(records) < len(results.motions):
         columns = Column("record", "record"), _MOTIONS[1], Column("", "levels", of=levels), *_MOTIONS[-3:-1]
         table = Table.of(columns, [first for first, *_ in records.values()], label="Records and their levels")
@@ -282,8 +290,8 @@ def motion_section(results: StudyResults) -> Section:
     sizes = [f"peaks from {least_to_most(peaks)} m/s²"] if peaks else []
     sizes += [f"peak forces from {least_to_most(force / 1e3 for force in pushed)} kN"] if pushed else []
     return Section(
-        title="Ground motions",
-        summary=f"{uses}{of}, {', '.join(sizes)}, {lengths} s long.",
+        title=title,
+        summary=f"{', '.join([uses + of, *sizes, lengths])} s long.",
         groups=(Group(table=table),),
     )
 

@@ -61,10 +61,11 @@ def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -
         if places
         else ""
     )
+    subject = "Response" if results.building.parts else "Response of a building"
     return Lead(
-        eyebrow="Control laws tuned, and the response of the building with them"
+        eyebrow="Control laws tuned, and the response with them"
         if isinstance(results, TunedStudy)
-        else f"Response of a building with {'actuators' if results.command_unit == 'N' else 'MR dampers'}",
+        else f"{subject} with {'actuators' if results.command_unit == 'N' else 'MR dampers'}",
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
@@ -87,7 +88,7 @@ def _subject(results: StudyResults) -> str:
     facts = results.building
     periods = [significant(period, 3) for period in facts.periods[:_MODES] if np.isfinite(period)]
     ratios = [format_fixed(100.0 * ratio, 1) for ratio in facts.damping_ratios[:_MODES] if np.isfinite(ratio)]
-    storeys = (
+    storeys = list_names(facts.parts, _NAMED) or (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
     same = len({*ratios}) == 1
@@ -222,7 +223,7 @@ def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Pan
             f"front-{name.replace('_', '-')}",
             title,
             figure,
-            f"{title} of each storey or floor, {len(finished)} arrangements, mean over {results.motions.in_words}",
+            f"{title} over the height, {len(finished)} arrangements, mean over {results.motions.in_words}",
             " ".join([shaded, coinciding(lines)]).strip(),
         )
         shaded = ""
@@ -243,9 +244,9 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     building(results, axes)
     yield panel(
         "front-building",
-        "Building",
+        facts.name[:1].upper() + facts.name[1:] if facts.parts else "Building",
         figure,
-        f"{facts.name}: {len(facts.masses)} floors with masses and stiffnesses of the storeys; dampers: "
+        f"{facts.name}: {len(facts.masses)} masses and their stiffnesses; dampers: "
         f"{', '.join(dampers) or 'none'}",
         f"Dampers: {list_names(dampers, 4)}" if dampers else "No dampers",
     )

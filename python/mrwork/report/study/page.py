@@ -161,21 +161,22 @@ def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[
     table = storey_table(results, first)
     if table is None:
         return None
-    panels = []
+    panels, title = [], "Parts" if results.building.parts else "Storeys"
+    uses = results.motions.in_words
     for quantity in (SHEAR, OVERTURNING):
         rows = [row for row in drawn if quantity.of_runs(results, row) is not None]
         if rows:
             panels.append(
                 panel(
                     quantity.name.replace("_", "-"),
-                    f"{quantity.title} of storeys",
+                    f"{quantity.title} of {title.lower()}",
                     profile_figure(results, quantity.name, rows),
-                    f"{quantity.title} of each storey, {len(rows)} arrangements, mean over {results.motions.in_words}",
+                    f"{quantity.title} of {title.lower()}, {len(rows)} arrangements, mean over {uses}",
                 )
             )
     return Section(
-        title="Storeys",
-        summary=f"peaks of each, mean over {results.motions.in_words}.",
+        title=title,
+        summary=f"peaks of each, mean over {uses}.",
         groups=(
             Group(points=tuple(limits_in_words(results)), table=table),
             *((Group(panels=tuple(panels), layout="small"),) if panels else ()),
