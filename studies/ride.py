@@ -110,13 +110,13 @@ for road_class, (name, case) in product(CLASSES, RUNS):
 script.table("gains", rows, title="Largest gains over constant currents, mean and spread of roads", digits=2)
 
 # %% Comfort against road holding, means of the test roads.
-figure = Figure(figsize=(5.0 * len(CLASSES), 4.0), layout="constrained")
+figure = Figure(figsize=(4.0 * len(CLASSES) + 2.5, 4.0), layout="constrained")
 for axes, road_class in zip(np.ravel(figure.subplots(1, len(CLASSES))), CLASSES, strict=True):
     for name, case in RUNS:
         comfort, holding, _ = fronts[f"{road_class}, {name}, {case}"].mean(axis=2)
         style = {"color": f"C{[*LAWS].index(name)}", "alpha": 1.0 if case == "ideal" else 0.4}
         axes.plot(1e3 * holding, comfort, ".-", label=f"{name}, {case}", **style)
     axes.set(title=f"Class {road_class}", xlabel="Tyre deflection, rms (mm)", ylabel="By W_k (m/s²)")
-    axes.legend(fontsize="small")
+figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper")
 script.figure(figure, "fronts")
 script.check()
