@@ -20,7 +20,7 @@ SCRIPTS = sorted(path for path in STUDIES.glob("*.py") if path.stem not in ("com
 # Seconds each.
 LONG = {
     *("boucwen_benchmark", "chapter_2", "chapter_3_design", "chapter_4", "chapter_5", "chapter_6_floors"),
-    *("chapter_7", "first_answer", "fragility", "gradients", "how_sure", "leaderboard"),
+    *("chapter_7", "first_answer", "fragility", "gradients", "how_sure", "leaderboard", "ride"),
     *("one_model_for_a_rig", "robust_control", "rollout", "rollout_yields", "sets_beyond", "weights_tuning"),
     *("speed_identify", "speed_kernels", "speed_loop", "speed_posterior", "yielding_frame"),
 }

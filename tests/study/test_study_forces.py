@@ -245,7 +245,7 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         made = study(folder, 'force = "wind.csv"\n' + more)
         return [(remark.code, remark.measured.unit) for remark in made.remarks if remark.measured]
 
-    assert remarks(f"factor = {factor}") == [("force_unusual", "N")]
+    assert remarks(f"factor = {factor}") == [("floor_force_unusual", "N")]
     assert remarks("") == []
 
 

@@ -78,7 +78,7 @@ _OFFSET: Final = RemarkKind(
 # Peak forces of shakers, wind and crowds over the weight.
 _LEAST_SHARE, _MOST_SHARE = 1e-6, 10.0
 _FORCE: Final = RemarkKind(
-    "force_unusual",
+    "floor_force_unusual",
     "motion {0}: the peak of its forces is {value:.3g} N, {share:.3g} times the weight of the building",
     "check the unit of the forces, as kN for N, and the masses",
 )

@@ -243,10 +243,10 @@ _PHASE: Final = 0.02
 # What a column late by several samples loses of its regression coefficient on the derivative, at most.
 _SAME_MOTION: Final = 0.5
 _SMALLEST_FACTOR: Final = 1e-9
-# Ratios of the units of a velocity: the unit of its readings, and that which they were taken for.
+# Ratios of the units of a velocity: the unit of its readings, and that which they were taken for; those of cars are none.
 _CONFUSED: Final = {
-    factor / unit_factor: (unit, taken)
-    for (unit, unit_factor), (taken, factor) in permutations(FACTORS["velocity"].items(), 2)
+    FACTORS["velocity"][taken] / FACTORS["velocity"][unit]: (unit, taken)
+    for unit, taken in permutations(("m/s", "cm/s", "mm/s", "in/s", "ft/s"), 2)
 }
 # Relative difference within which a factor is such a ratio: rigs are calibrated to a few per cent.
 _OF_UNITS: Final = 0.04
