@@ -243,7 +243,7 @@ _PHASE: Final = 0.02
 # What a column late by several samples loses of its regression coefficient on the derivative, at most.
 _SAME_MOTION: Final = 0.5
 _SMALLEST_FACTOR: Final = 1e-9
-# Ratios of the units of a velocity: the unit of its readings, and that which they were taken for; those of cars are none.
+# Ratios of the units of a velocity: the unit of its readings, and that which they were taken for; none of cars.
 _CONFUSED: Final = {
     FACTORS["velocity"][taken] / FACTORS["velocity"][unit]: (unit, taken)
     for unit, taken in permutations(("m/s", "cm/s", "mm/s", "in/s", "ft/s"), 2)
