@@ -1,5 +1,4 @@
-//! Acceleration-driven damping: the command that takes most out of the absolute acceleration, alone and mixed with skyhook;
-//! and skyhook mixed with groundhook.
+//! Acceleration-driven damping: the command that takes most out of the absolute acceleration, alone and mixed with skyhook.
 //!
 //! A vehicle's body is the sprung mass of the device. Without one it is in a building the floor above the device, or for a
 //! device between floors the upper floor with respect to the lower one: `x = e (q + r u_g)`, whose rate is that of the
@@ -78,41 +77,6 @@ impl Formula for MixedSkyhook {
             let chosen = R::select(slow.less(acceleration.abs()), acceleration, velocity);
             let known = chosen + (velocity + acceleration) * R::splat(0.0);
             *command = where_positive(known * measured.rate[device], R::splat(measured.largest[device]));
-        }
-    }
-}
-
-/// Skyhook for the sprung mass and groundhook for the unsprung one, in shares.
-pub struct SkyhookGroundhook;
-
-impl Formula for SkyhookGroundhook {
-    const SPEC: LawSpec = LawSpec {
-        name: "skyhook_groundhook",
-        title: "Skyhook and groundhook",
-        equation: "i = i_max (a H(x' d') + (1 - a) H(-w' d')), x' of the sprung mass, d' = e q', w' = x' - d'",
-        description: "On-off skyhook, which damps the absolute motion of the sprung mass x, and groundhook, which damps \
-                      that of the unsprung mass w at the other end, in the shares a and 1 - a of the command. Needs the \
-                      absolute velocity of the sprung mass, and no model of the vehicle.",
-        source: "Ahmadian, Pare, J. Intell. Mater. Syst. Struct. 11(8), 2000, 604-612",
-        gains: &[GainSpec {
-            name: "share",
-            unit: Unit::Of("1"),
-            shape: Shape::Device,
-            description: "share a of skyhook; the rest is groundhook",
-        }],
-        reads_sprung: true,
-        switches: true,
-        ..LawSpec::PLAIN
-    };
-
-    #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
-        for (device, command) in command.iter_mut().enumerate() {
-            let (sprung, rate) = (measured.absolute_rate(device), measured.rate[device]);
-            let share = gains.of_device(0, device);
-            let skyhook = where_positive(sprung * rate, share);
-            let groundhook = where_positive((rate - sprung) * rate, R::splat(1.0) - share);
-            *command = (skyhook + groundhook) * R::splat(measured.largest[device]);
         }
     }
 }

@@ -21,6 +21,7 @@ mod passive;
 mod predictive_rollout;
 mod rollout;
 mod signal_network;
+mod skyhook_groundhook;
 mod sliding_mode;
 mod spec;
 
@@ -107,7 +108,7 @@ laws! {
     active::Active,
     acceleration_driven::AccelerationDriven,
     acceleration_driven::MixedSkyhook,
-    acceleration_driven::SkyhookGroundhook,
+    skyhook_groundhook::SkyhookGroundhook,
     predictive_rollout::PredictiveRollout,
 }
 
