@@ -79,7 +79,7 @@ _OFFSET: Final = RemarkKind(
 _LEAST_SHARE, _MOST_SHARE = 1e-6, 10.0
 _FORCE: Final = RemarkKind(
     "floor_force_unusual",
-    "motion {0}: the peak of its forces is {value:.3g} N, {share:.3g} times the weight of the building",
+    "motion {0}: the peak of its forces is {value:.3g} N, {share:.3g} times the weight of the structure",
     "check the unit of the forces, as kN for N, and the masses",
 )
 
