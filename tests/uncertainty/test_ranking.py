@@ -80,6 +80,17 @@ def test_which_family_is_chosen(rule: str) -> None:
     assert verdicts(*families) == expected
 
 
+def test_of_families_as_simple_one_that_fits_all_tests_far_better_is_chosen() -> None:
+    first = replace(family("first", 4, TESTS), fit_percent=94.0)
+    better = replace(family("better", 4, TESTS + 0.001 + WOBBLE), fit_percent=96.0)
+    assert verdicts(first, better) == {"first": "as good", "better": "chosen"}
+    assert "as good as First, with 96.00 % instead of 94.00 % on all tests" in ranking(first, better).sentence
+    for other in (replace(better, fit_percent=94.5), replace(better, n_params=5)):
+        assert verdicts(first, other) == {"first": "chosen", "better": "as good"}
+    behind = replace(better, left_out=family("", 4, TESTS + 0.02 + WOBBLE).left_out)
+    assert verdicts(first, behind) == {"first": "chosen", "better": "behind"}
+
+
 def test_the_pairing_tells_what_the_scatter_of_tests_hides() -> None:
     # Tests differ by far more than the families do, on all of them alike.
     scattered = np.array([0.05, 0.30, 0.10, 0.50, 0.20, 0.40])

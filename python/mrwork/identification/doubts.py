@@ -24,6 +24,7 @@ from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.commands import excerpts_at
 from mrwork.identification.covariance import Covariance, autocorrelation_time
 from mrwork.identification.effects import unfitted_effects
+from mrwork.identification.fit import FAR_BETTER
 from mrwork.identification.minimise.driver_lag import missing_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import FinalFit
@@ -125,8 +126,6 @@ def _fit_percent(test: DamperTest, residual: Floats) -> float:
     return 100.0 * (1.0 - float(np.sqrt(np.mean(residual**2)) / np.std(test.force[test.counted])))
 
 
-# The other laws are named where their misfit is below this share: less is no reason to choose them by the same tests.
-_FAR_BETTER = 0.8
 _OTHER_LAWS = RemarkKind(
     "other_laws_better",
     "other laws describe the tests better: {value:.2f} % against {percent:.2f} %",
@@ -150,7 +149,7 @@ def other_law_shapes(objective: Objective, box: Box, theta: Floats) -> Iterator[
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
     reference, misfits = float(objective(theta[None])[0]), float(other(minimum.theta)[0])
-    if misfits < _FAR_BETTER * reference:
+    if misfits < FAR_BETTER * reference:
         named = ", ".join(f"{name}={law}" for name, law in through.items())
         fit = Measured(100.0 * (1.0 - misfits), "%")
         yield _OTHER_LAWS.remark(named, measured=fit, percent=100.0 * (1.0 - reference))

@@ -125,6 +125,9 @@ STRUCTURE = 3.0
 NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
+FAR_BETTER = 0.8
+"""Share of an error below which other laws with as many parameters are better by what they are fitted to."""
+
 FitStatus = Literal["converged", "lower_minimum_possible", "not_converged", "interrupted", "stopped"]
 """How a fit ended; converged is that two routes of the search agree on the minimum, and the final fit reached it."""
 

@@ -167,7 +167,12 @@ class LawSearch:
             often = 1 if self._is_best_sound() else _EXPANDED
             left = [fitted for fitted in self.frontier() if expanded.count(fitted.laws) < often]
             if not left:
-                break
+                _, chosen, *_ = self.frontier()
+                reverse = self._reversed(chosen.laws)
+                if reverse in [fitted.laws for fitted in self.fitted]:
+                    break
+                self._move_to(chosen, reverse)
+                continue
             current = min(left, key=lambda fitted: expanded.count(fitted.laws))
             expanded.append(current.laws)
             if proposals := self._proposals(current):
@@ -224,12 +229,12 @@ class LawSearch:
             laws = {name: law for name, law in laws.items() if name not in dying}
 
     def frontier(self) -> list[FittedLaws]:
-        """Sets of laws whose neighbours are tried: the best, the simplest that is as good, and further good ones."""
+        """Sets of laws whose neighbours are tried: the best, the one that would be chosen, and further good ones."""
         sound = [fitted for fitted in self.fitted if not fitted.row.remarks] or self.fitted
         order = sorted(sound, key=lambda fitted: fitted.row.error)
-        rows, simplest = choose_from([fitted.row for fitted in order])
+        rows, _, chosen = choose_from([fitted.row for fitted in order])
         good = [fitted for fitted in order if fitted.row in rows]
-        return [order[0], next(fitted for fitted in good if fitted.row is simplest), *good][: _FRONTIER + 2]
+        return [order[0], next(fitted for fitted in order if fitted.row is chosen), *good][: _FRONTIER + 2]
 
     def distinct(self) -> list[FittedLaws]:
         """The candidates except those with the same force as a candidate with fewer parameters."""
@@ -323,6 +328,17 @@ class LawSearch:
                 if 0 <= other_degree <= self.most
             ]
         return changed
+
+    def _reversed(self, laws: Laws) -> Laws:
+        """The laws with each polynomial through logarithms in place of values, or the reverse, if tests show it."""
+        positive = {parameter.name for parameter in self.plain.parameters if parameter.is_positive}
+        reverse = dict(zip(POLYNOMIAL_FORMS, reversed(POLYNOMIAL_FORMS), strict=True))
+        instead = {
+            name: CommandLaw(law.fitted_degree, form=reverse[law.form])
+            for name, law in laws.items()
+            if law.form in reverse and name in positive
+        }
+        return laws | {name: law for name, law in instead.items() if not self.is_through_all(law)}
 
     def _with_law(self, laws: Laws, name: str, law: CommandLaw) -> Laws:
         """The laws with another one; constant ones are not listed."""

@@ -24,7 +24,7 @@ from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.batch import JournalOf, with_journal
-from mrwork.identification.fit import Fit, FitStatus
+from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.race import same_minimum
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -120,15 +120,15 @@ class _ChoosingLaws(Choosing):
 
         return with_journal(self.journal_of, f"{search.name}/{what.split()[0]}", fit)
 
-    def _confirmed(self, search: LawSearch, laws: FittedLaws) -> tuple[Start, str]:
-        """The chosen laws as they fit the excerpts best, and why a lower minimum is possible, empty if none is.
+    def _confirmed(self, search: LawSearch, laws: FittedLaws) -> tuple[Start, SearchTrace, str]:
+        """The chosen laws as they fit the excerpts best, by which search, and why a lower minimum is possible, or "".
 
         The laws were reached from neighbours, which may all be in one false minimum; a search of their own is not.
         """
         alone = self.firsts[search.name]
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         if laws.laws == search.first_laws:
-            return laws.start, doubt
+            return laws.start, alone.trace, doubt
         alone = self._fit_alone(search, laws.laws, "chosen laws", search.excerpt_settings, laws.start)
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         near, own = 0.0, np.inf
@@ -136,13 +136,14 @@ class _ChoosingLaws(Choosing):
             objective = search.folds.excerpts.with_laws(laws.spec)
             near, own = objective(np.array([laws.fit.theta[0], alone.theta])).tolist()
         if max(near, own) <= same_minimum(min(near, own)):
-            return laws.start, ""
+            return laws.start, alone.trace, ""
         if near < own:
             return (
                 laws.start,
+                alone.trace,
                 "only fits from other laws met the least one, and a search of these laws did not",
             )
-        return dict(zip(laws.spec.names, alone.theta, strict=True)), doubt
+        return dict(zip(laws.spec.names, alone.theta, strict=True)), alone.trace, doubt
 
     def _try_laws(self, search: LawSearch, journal: Journal | None) -> None:
         search.report = partial(self._report, search)
@@ -155,7 +156,7 @@ class _ChoosingLaws(Choosing):
         search.run(self.firsts[search.name])
 
     def _final_fit(self, search: LawSearch, laws: FittedLaws, journal: Journal | None) -> Fit:
-        start, doubt = self._confirmed(search, laws)
+        start, trace, doubt = self._confirmed(search, laws)
         return identify_with(
             laws.spec,
             self.tests,
@@ -164,7 +165,7 @@ class _ChoosingLaws(Choosing):
             on_progress=partial(self._report, search, "all tests"),
             journal=journal,
             warns=False,
-            searched=(laws.box, self.firsts[search.name].trace),
+            searched=(laws.box, trace),
             doubt=doubt,
         )
 

@@ -24,14 +24,14 @@ from mrwork.base.values import Floats
 from mrwork.dampers.laws import CommandLaw, LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.identification.fit import NEGLIGIBLE, STATUS_IN_WORDS
+from mrwork.identification.fit import FAR_BETTER, NEGLIGIBLE, STATUS_IN_WORDS
 from mrwork.identification.result import MANY, BuildingCost
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.objections import objections_to
 from mrwork.uncertainty.choice.splits import Splits
 
-# A candidate that failed is far better where the error of the chosen one on all tests is above this multiple of its.
-_FAR_BETTER = 2.0
+# The chosen one is provisional where one that failed has an error on all tests below this share of its.
+_PROVISIONAL = 0.5
 # NRMSE of a prediction by the mean force, which a test counts that cannot be predicted.
 NOT_PREDICTED = 1.0
 
@@ -43,12 +43,13 @@ _RULES = (
     "Behind: the difference to the best, paired motion by motion, with its standard error. A candidate is as good as "
     "the best within one standard error of it, no more than that of the best itself, or within "
     f"{NEGLIGIBLE:g} points; of those one that takes fewer than {MANY} integration steps a sample in a building is "
-    "chosen, of these the one with the fewest parameters.",
+    "chosen, of these the one with the fewest parameters, or another one as simple that predicts as well as it and has "
+    f"less than {FAR_BETTER:g} of its error on all tests.",
     "Unusable: a law vanishes or leaves its range within the tested commands, or has an extremum between them that no "
     "test shows, the force falls beyond the tested velocities, or no building can be simulated with it. Such a "
     "candidate is not chosen while others are left.",
     "Provisional: the candidate that would be chosen, while one that could not predict a test has less than "
-    f"1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
+    f"{_PROVISIONAL:g} of its error on all tests. None is chosen then.",
 )
 _RULE_OF_COLLAPSE = (
     "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
@@ -260,14 +261,19 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
     simpler = {candidate.model for candidate in predicted}
     distinct = [candidate for candidate in predicted if candidate.same_as not in simpler]
     sound = [candidate for candidate in distinct if not candidate.remarks] or distinct
-    good, chosen = choose_from(sound)
+    good, simplest, chosen = choose_from(sound)
+    instead = ""
+    if chosen is not simplest:
+        instead = f"as good as {simplest.in_words}, with {_on_all(chosen)} instead of {_on_all(simplest)} on all tests"
     failed = [candidate for candidate in candidates if not candidate.has_predicted]
     lost = [*failed, *(candidate for candidate in predicted if candidate.not_predicted)]
 
     def judged(candidate: Standing) -> Standing:
         verdict: Place = "behind"
         if candidate is chosen:
-            verdict = "provisional" if any(_is_far_better(other, chosen) for other in lost) else "chosen"
+            verdict = (
+                "provisional" if any(_is_better(other, chosen, _PROVISIONAL) for other in lost) else "chosen"
+            )
         elif candidate in good:
             verdict = "as good"
         elif candidate in failed:
@@ -282,7 +288,11 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
             candidate,
             verdict=verdict,
             same_as=candidate.same_as if verdict == "collapsed" else "",
-            reason=candidate.reason if verdict in ("collapsed", "failed") else "",
+            reason=instead
+            if candidate is chosen
+            else candidate.reason
+            if verdict in ("collapsed", "failed")
+            else "",
             left_out_percent=100.0 - float(percent.mean()) if percent.size else None,
             left_out_error=error_of_mean(percent),
             left_out_behind=float(behind.mean()) if percent.size else None,
@@ -294,25 +304,41 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
     return tuple(map(judged, (*sound, *unusable, *same, *failed)))
 
 
-def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing]:
-    """Of candidates, the best first: the candidates as good as the best, and the chosen one of these.
+def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing, Standing]:
+    """Of candidates, the best first: those as good as the best, the simplest of these, and the chosen one.
+
+    Another one as simple, which predicts as well as the simplest and fits all tests far better, is chosen in its place:
+    predictions of what few folds leave out hardly tell apart what all tests do.
+    """
+    good = [candidate for candidate in ordered if _is_as_good(candidate, ordered[0])]
+    as_simple = attrgetter("is_costly", "n_params")
+    simplest = min(good, key=as_simple)
+    better = [
+        candidate
+        for candidate in ordered
+        if as_simple(candidate) == as_simple(simplest)
+        and _is_better(candidate, simplest, FAR_BETTER)
+        and _is_as_good(candidate, simplest)
+    ]
+    return good, simplest, max(better, key=attrgetter("fit_percent"), default=simplest)
+
+
+def _is_as_good(candidate: Standing, best: Standing) -> bool:
+    """Whether the mean errors of what was left out differ by no more than a standard error, or negligibly.
 
     The error of the difference is limited to the error of the best: a candidate that fails on one test has a large one.
     """
-    best = 100.0 * np.array(ordered[0].left_out)
-    good = []
-    for candidate in ordered:
-        difference = 100.0 * np.array(candidate.left_out) - best
-        errors = [error for error in (error_of_mean(difference), error_of_mean(best)) if error is not None]
-        if float(difference.mean()) <= max(min(errors, default=0.0), NEGLIGIBLE):
-            good.append(candidate)
-    return good, min(good, key=attrgetter("is_costly", "n_params"))
+    percent, best_percent = 100.0 * np.array(candidate.left_out), 100.0 * np.array(best.left_out)
+    difference = percent - best_percent
+    errors = [error for error in map(error_of_mean, (difference, best_percent)) if error is not None]
+    return float(difference.mean()) <= max(min(errors, default=0.0), NEGLIGIBLE)
 
 
-def _is_far_better(lost: Standing, chosen: Standing) -> bool:
-    if lost.fit_percent is None or chosen.fit_percent is None:
+def _is_better(candidate: Standing, other: Standing, share: float) -> bool:
+    """Whether the error on all tests is below this share of that of the other."""
+    if candidate.fit_percent is None or other.fit_percent is None:
         return False
-    return 100.0 - chosen.fit_percent > _FAR_BETTER * (100.0 - lost.fit_percent)
+    return 100.0 - candidate.fit_percent < share * (100.0 - other.fit_percent)
 
 
 def error_of_mean(values: Floats) -> float | None:
@@ -429,7 +455,7 @@ class Ranking(WithAxes, Summarised):
                 f"{standing.in_words}, which failed, fits all tests far better ({standing.fit_percent:.2f} %)"
                 for standing in self.standings
                 if (standing.verdict == "failed" or standing.not_predicted)
-                and _is_far_better(standing, chosen)
+                and _is_better(standing, chosen, _PROVISIONAL)
             ]
             what = "set of laws" if chosen.laws else "family"
             yield _NONE_CHOSEN.remark(
@@ -503,13 +529,17 @@ class Ranking(WithAxes, Summarised):
             text += f", {inside:.2f} % inside the tests that remain and {outside:.2f} % beyond them"
         if best is not chosen:
             more = best.n_params - chosen.n_params
-            reason = (
+            reason = chosen.reason or (
                 f"which has {more} parameters more: as good, and simpler"
                 if more > 0
                 else "as good, and it takes fewer steps in a building"
             )
             text += f", {_points(chosen, best)} behind {best.in_words}, the best, {reason}"
         return text
+
+
+def _on_all(standing: Standing) -> str:
+    return f"{format_fixed(standing.fit_percent, 2)} %"
 
 
 def _points(standing: Standing, other: Standing) -> str:
