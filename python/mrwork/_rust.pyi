@@ -109,6 +109,26 @@ def force_histories(
     substep_factor: int = 1,
     threads: int = 0,
 ) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32]]: ...
+def damper_text(
+    model: str,
+    coefficients: list[str],
+    step: float,
+    laws: list[str] | None = None,
+    lagged: bool = False,
+    single: bool = False,
+) -> dict[str, str]: ...
+def elementary_functions() -> str: ...
+def straight_forces(
+    model: str,
+    theta: _Floats,
+    displacement: _Floats,
+    velocity: _Floats,
+    command: _Floats,
+    dt: float,
+    substeps: int,
+    laws: list[str] | None = None,
+    lagged: bool = False,
+) -> _Floats | None: ...
 def sensitivities(
     model: str,
     theta: _Floats,

@@ -328,8 +328,8 @@ impl<M: DamperModel, R: Real, D: Driver<M, R>, S: ForceSink<M, R, D>> Packs for 
         let parameters = self.driver.step();
         match (M::SPEC.n_states, D::SHORT) {
             (0, _) => state,
-            (_, true) => M::step::<R, true>(parameters, state, motions, step),
-            (_, false) => M::step::<R, false>(parameters, state, motions, step),
+            (_, true) => M::step::<R, f64, true>(parameters, state, motions, step),
+            (_, false) => M::step::<R, f64, false>(parameters, state, motions, step),
         }
     }
 

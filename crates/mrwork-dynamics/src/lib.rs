@@ -30,6 +30,8 @@ pub mod misfit;
 pub mod parameters;
 pub mod peak;
 pub mod real;
+pub mod record;
+pub mod sampled;
 mod schedule;
 pub mod sensitivity;
 pub mod settings;

@@ -72,7 +72,7 @@ pub(crate) fn flops_per_step<M: DamperModel>(theta: &[f64]) -> u64 {
     FLOPS.set(0);
     let mut state = M::State::<Counted>::from_fn(|_| Counted(0.5));
     if M::SPEC.n_states > 0 {
-        state = M::step::<Counted, false>([&p; 3], state, [motion; 3], 1e-3);
+        state = M::step::<Counted, f64, false>([&p; 3], state, [motion; 3], 1e-3);
     }
     let residual = M::force(&p, state, motion.splat()) - Counted(1.0);
     let _squared = residual.mul_add(residual, Counted(0.0));

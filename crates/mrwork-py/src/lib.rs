@@ -12,6 +12,7 @@ mod enter;
 mod loading;
 mod machine;
 mod matrix_equations;
+mod printed;
 mod xla;
 
 use pyo3::prelude::*;
@@ -43,6 +44,8 @@ mod _rust {
     use crate::machine::{flops_per_step, fma_peak, instruction_set, instruction_sets};
     #[pymodule_export]
     use crate::matrix_equations::riccati_equations;
+    #[pymodule_export]
+    use crate::printed::{damper_text, elementary_functions, straight_forces};
     #[pymodule_export]
     use crate::xla::xla_handler;
 

@@ -125,6 +125,8 @@ class CommandParser(argparse.ArgumentParser):
     ) -> None:
         """Declare an option in the group of this title; `reads` makes its value of a text, and `bool` takes none.
 
+        A `name` may have several spellings, with spaces between.
+
         The help ends with the default, if it is a number or a word, and with the range of a number. What is `repeated`
         is added to the default, or is one entry where that is `None`.
         """
@@ -136,7 +138,7 @@ class CommandParser(argparse.ArgumentParser):
         repeat = "repeat for more" if repeated and default is not None else ""
         parts = [help, repeat, stated, getattr(reads, "in_words", "")]
         group.add_argument(
-            name,
+            *name.split(),
             help="; ".join(filter(None, parts)).replace("%", "%%"),
             type=reads or str,
             metavar=metavar,

@@ -1,10 +1,11 @@
-"""`mrwork export`: a run as a file for MATLAB or OpenSees, or as a table."""
+"""`mrwork export`: a run for MATLAB, OpenSees or a rig, or as a table."""
 
 from __future__ import annotations
 
 import argparse
 
 from mrwork.base.hints import node_of
+from mrwork.base.summary import list_names
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import Range, named_path
 from mrwork.cli.options import end_parser
@@ -13,7 +14,7 @@ from mrwork.cli.own_models import add_trust
 from mrwork.dampers.conventions import OpenSeesError, OpenSeesTimeStep
 from mrwork.errors import SettingError
 
-_TARGETS = ("mat", "opensees", "csv")
+_TARGETS = ("mat", "opensees", "csv", "c")
 
 
 def add_options(parser: CommandParser) -> None:
@@ -22,25 +23,35 @@ def add_options(parser: CommandParser) -> None:
         "Write a run for another program, in SI. mat: parameters, laws, measured and simulated forces for MATLAB, "
         "and every array of a study or a tuning, with units. opensees: a Bouc-Wen damper at one command as "
         "materials of OpenSees, in Tcl, or for openseespy where FILE ends with .py. csv: of a fit the force over "
-        "velocity and command, of a study or a tuning its criteria or scores."
+        "velocity and command, of a study or a tuning its criteria or scores. c: the damper of a fit in C99, for a "
+        "rig or another simulation, in a folder after which it is named, with a program that checks it."
     )
     parser.epilog = examples(
-        "mrwork export out/rig --to mat --output rig.mat",
-        "mrwork export out/rig --to opensees --command 0.5A --error 0.01",
+        "mrwork export out/rig --target mat --out rig.mat",
+        "mrwork export out/rig --target opensees --command 0.5A --error 0.01",
+        "mrwork export out/rig --target c --out rig_damper",
     )
     parser.add_argument(
         "run_folder", type=named_path, metavar="RUN", help="folder of mrwork identify, respond or tune"
     )
-    parser.option("target", "--to", "mat, opensees or csv", metavar="TO", choices=_TARGETS, required=True)
+    parser.option(
+        "target", "--target --to", "mat, opensees, csv or c", metavar="TO", choices=_TARGETS, required=True
+    )
     command = "command at which the damper is exported, as in 0.5A; csv: default five over the tested ones"
     parser.option("target", "--command", command, metavar="COMMAND")
     error = "wanted error of BoucWen in OpenSees, a share of the largest force of the loop; default 0.005"
     parser.option("target", "--error", error, Range.of(node_of(OpenSeesError)), metavar="SHARE")
-    time_step = "step of the analysis in OpenSees, of which the sub-steps are told; default 0.001"
+    time_step = (
+        "step of the analysis in OpenSees, whose sub-steps are told, or between samples of C; default 0.001"
+    )
     parser.option("target", "--time-step", time_step, Range.of(node_of(OpenSeesTimeStep)), metavar="S")
-    file = "file to write; without it opensees and csv are printed"
-    parser.option(OUTPUT, "--output", file, named_path, metavar="FILE")
-    parser.option(OUTPUT, "--replace", "replace a file that is there", bool)
+    parser.option(
+        "target", "--libm", "C calls exp, log, pow and tanh of math.h, which changes last bits", bool
+    )
+    parser.option("target", "--single", "C computes with float", bool)
+    file = "file to write, of C the folder; without it opensees and csv are printed"
+    parser.option(OUTPUT, "--out --output", file, named_path, metavar="PATH", dest="output")
+    parser.option(OUTPUT, "--replace", "replace files that are there", bool)
     add_trust(parser)
     end_parser(parser, run, quiet="")
 
@@ -48,21 +59,37 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file, or print the text."""
     from mrwork.identification.fit import Fit
-    from mrwork.runs.export import export, exported
+    from mrwork.runs.export import Wanted, export, exported, printed
     from mrwork.runs.load import read_run
+    from mrwork.runs.printed import in_words, write_sources
 
     opened = read_run(options.run_folder)
     observation = opened.observation_in_words if isinstance(opened, Fit) else ""
-    document = {"run": str(options.run_folder), "to": options.to}
+    to = options.target
+    document: dict[str, object] = {"run": str(options.run_folder), "to": to}
     document |= {"observation": observation} if observation else {}
-    wanted = {name: getattr(options, name) for name in ("command", "error", "time_step")}
+    asked = {name: getattr(options, name) for name in ("command", "error", "time_step", "libm", "single")}
+    if to in ("mat", "c") and options.output is None:
+        raise SettingError(
+            f"--target {to} writes what is no single text; give --out {'DIR' if to == 'c' else 'FILE'}"
+        )
+    if to == "c":
+        source = printed(options.run_folder, Wanted(to=to, **asked), options.output)
+        paths = write_sources(options.output, source, replace=options.replace)
+        document |= {"output": str(options.output), "files": [str(path) for path in paths]}
+        document |= {"sample_time": source.sample_time, "substeps": source.substeps}
+        text = "\n".join(
+            filter(
+                None, (f"Written: {list_names([str(path) for path in paths])}", in_words(source), observation)
+            )
+        )
+        print_result(options, document, text)
+        return 0
     if options.output is not None:
-        path = export(options.run_folder, options.to, options.output, replace=options.replace, **wanted)
+        path = export(options.run_folder, to, options.output, replace=options.replace, **asked)
         text = "\n".join(filter(None, (f"Written: {path}", observation)))
         print_result(options, document | {"output": str(path)}, text)
         return 0
-    if options.to == "mat":
-        raise SettingError("--to mat writes a file that is no text; give --output FILE")
-    text = exported(options.run_folder, options.to, tcl=True, **wanted).decode()
+    text = exported(options.run_folder, Wanted(to=to, **asked), tcl=True).decode()
     print_result(options, document | {"text": text}, text.rstrip("\n"))
     return 0

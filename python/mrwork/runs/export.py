@@ -1,11 +1,11 @@
-"""`mr.export`: a run as a file for MATLAB, for OpenSees, or as a table; `mrwork export` calls the same."""
+"""`mr.export`: a run for MATLAB, for OpenSees, for a rig, or as a table; `mrwork export` calls the same."""
 
 from __future__ import annotations
 
 import re
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from io import BytesIO
 from itertools import chain, count
 from pathlib import Path
@@ -16,24 +16,28 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.labelled import NamedArray, NamedArrays
 from mrwork.dampers.conventions import OpenSeesError, OpenSeesTimeStep
+from mrwork.embedded.c_source import CSource, Flavour
 from mrwork.errors import MrworkError, MrworkWarning, SettingError
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.fit_file import reopen
 from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_text
 from mrwork.runs.load import read_run
+from mrwork.runs.printed import damper_of_fit, write_sources
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
 from mrwork.uncertainty.bands.predictions import predict
 
-Target = Literal["mat", "opensees", "csv"]
+Target = Literal["mat", "opensees", "csv", "c"]
 
 # Targets that take an option, of a fit; a study or a tuning takes none.
 _TARGETS: dict[str, tuple[Target, ...]] = {
     "command": ("opensees", "csv"),
     "error": ("opensees",),
-    "time_step": ("opensees",),
+    "time_step": ("opensees", "c"),
+    "libm": ("c",),
+    "single": ("c",),
 }
 
 
@@ -46,6 +50,8 @@ def export(
     command: str | None = None,
     error: OpenSeesError | None = None,
     time_step: OpenSeesTimeStep | None = None,
+    libm: bool = False,
+    single: bool = False,
     replace: bool = False,
 ) -> Path:
     """Write a fit, a study or a tuning in the form of another program, in SI.
@@ -57,6 +63,8 @@ def export(
       the name of the file ends with ``.py``, with the strain step and time step that keep the wanted error.
     - ``csv``: of a fit its force over velocity and command, in harmonic tests of the largest tested stroke; of a study
       or a tuning its criteria, one run a row.
+    - ``c``: of a fit its damper in C99 for a rig or another simulation, in a folder whose name begins every name of the
+      code: NAME.h, NAME.c with ``NAME_start`` and ``NAME_step``, and NAME_check.c, a program that checks them.
 
     Parameters
     ----------
@@ -66,13 +74,17 @@ def export(
     to
         The other program.
     output
-        The file to write.
+        The file to write, of C the folder.
     command
         Command at which the damper is exported, as in 0.5A; csv: default five over the tested ones.
     error
         Wanted error of BoucWen in OpenSees, a share of the largest force of the loop; default 0.005.
     time_step
-        Step of the analysis in OpenSees, of which the sub-steps are told; default 0.001.
+        Step of the analysis in OpenSees, of which the sub-steps are told, or between two samples of C; default 0.001.
+    libm
+        Whether C takes exp, log, pow and tanh of ``math.h``, and with them the last bits.
+    single
+        Whether C computes with ``float``.
     replace
         Whether a file that is there is replaced.
 
@@ -80,7 +92,7 @@ def export(
     ------
     SettingError
         Where the target does not take the run, as OpenSees a damper other than Bouc-Wen, or a fit with a parameter on
-        a bound that was given; the bounds of the model are part of it.
+        a bound that was given; the bounds of the model are part of it. Where C would need too many sub-steps.
     OutputError
         Where the file is there already, is no ordinary one, belongs to a run, or cannot be written.
 
@@ -90,29 +102,49 @@ def export(
     >>> mr.export("out/rig", "opensees", "damper.tcl", command="0.5 A", error=0.01)  # doctest: +SKIP
     """
     path = Path(output)
+    wanted = Wanted(to=to, command=command, error=error, time_step=time_step, libm=libm, single=single)
+    if to == "c":
+        write_sources(path, printed(run, wanted, path), replace=replace)
+        return path
     check_output(path, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
-    content = exported(run, to, command=command, error=error, time_step=time_step, tcl=path.suffix != ".py")
-    write_file(path, content)
+    write_file(path, exported(run, wanted, tcl=path.suffix != ".py"))
     return path
 
 
-def exported(
-    run: str | Path | Fit | StudyResults,
-    to: Target,
-    *,
-    command: str | None,
-    error: float | None,
-    time_step: float | None,
-    tcl: bool,
-) -> bytes:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A target and what is asked of it."""
+
+    to: Target
+    command: str | None = None
+    error: float | None = None
+    time_step: float | None = None
+    libm: bool = False
+    single: bool = False
+
+    def __post_init__(self) -> None:
+        for name, targets in _TARGETS.items():
+            if getattr(self, name) not in (None, False) and self.to not in targets:
+                raise SettingError(
+                    f"the {name.replace('_', ' ')} is only for an export to {' or '.join(targets)}; leave it out"
+                )
+
+
+def printed(run: str | Path | Fit | StudyResults, wanted: Wanted, folder: Path) -> CSource:
+    """The code that `export` writes to a folder, which it is named after."""
+    opened = read_run(Path(run)) if isinstance(run, str | Path) else run
+    if not isinstance(opened, Fit):
+        raise SettingError(
+            "a study or a tuning has no single damper to print as C; give the run folder of mrwork identify"
+        )
+    flavour = Flavour(libm=wanted.libm, single=wanted.single)
+    return damper_of_fit(opened, folder.absolute().name, flavour, wanted.time_step)
+
+
+def exported(run: str | Path | Fit | StudyResults, wanted: Wanted, *, tcl: bool) -> bytes:
     """Content of the file that `export` writes."""
-    options = {"command": command, "error": error, "time_step": time_step}
-    for name, targets in _TARGETS.items():
-        if options[name] is not None and to not in targets:
-            raise SettingError(
-                f"the {name.replace('_', ' ')} is only for an export to {' or '.join(targets)}; leave it out"
-            )
-    stated = None if command is None else StatedCommand.of(command)
+    to, error, time_step = wanted.to, wanted.error, wanted.time_step
+    stated = None if wanted.command is None else StatedCommand.of(wanted.command)
     opened = read_run(Path(run)) if isinstance(run, str | Path) else run
     if isinstance(opened, Fit):
         if to == "mat":

@@ -1,6 +1,6 @@
 //! Bouc-Wen model in the form of Spencer et al. (1997).
 
-use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
+use super::model::{DamperModel, DamperSpec, Motion, MotionNumber, Severity, Short};
 use super::normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 use crate::parameters::parameters;
 use crate::real::Real;
@@ -48,14 +48,14 @@ impl DamperModel for BoucWen {
     }
 
     #[inline(always)]
-    fn step<R: Real, const SHORT: bool>(
+    fn step<R: Real, V: MotionNumber<R>, const SHORT: bool>(
         [start, middle, end]: [&Parameters<R>; 3],
         [z]: [R; 1],
-        [x_start, x_middle, x_end]: [Motion<f64>; 3],
+        [x_start, x_middle, x_end]: [Motion<V>; 3],
         step: f64,
     ) -> [R; 1] {
         let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
-        [Hysteresis::step::<SHORT>(loops, z, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
+        [Hysteresis::step::<V, SHORT>(loops, z, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
     }
 
     #[inline(always)]

@@ -25,7 +25,7 @@ mod viscous_dahl;
 
 use crate::any_damper::Damper;
 use ideal_actuator::IdealActuator;
-pub use model::{DamperModel, DamperSpec, Motion, Severity, State};
+pub use model::{DamperModel, DamperSpec, Motion, MotionNumber, Severity, State};
 pub(crate) use normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 
 /// Work that is compiled for every damper model.

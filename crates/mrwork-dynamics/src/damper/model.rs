@@ -62,11 +62,39 @@ pub struct Severity {
     pub reversal_acceleration: f64,
 }
 
-impl Motion<f64> {
+impl<V> Motion<V> {
     /// The same motion in every lane.
     #[inline(always)]
-    pub fn splat<R: Real>(self) -> Motion<R> {
-        Motion { displacement: R::splat(self.displacement), velocity: R::splat(self.velocity) }
+    pub fn splat<R: Real>(self) -> Motion<R>
+    where
+        V: MotionNumber<R>,
+    {
+        Motion { displacement: self.displacement.splat(), velocity: self.velocity.splat() }
+    }
+}
+
+/// A number of the motion of a step: a plain one, the same in every lane, or one that is recorded.
+pub trait MotionNumber<R: Real>: Copy {
+    /// The same number in every lane.
+    fn splat(self) -> R;
+    /// A multiple.
+    fn times(self, factor: f64) -> Self;
+    /// `positive` where the sign bit is clear, `negative` where it is set.
+    fn by_sign(self, positive: R, negative: R) -> R;
+}
+
+impl<R: Real> MotionNumber<R> for f64 {
+    #[inline(always)]
+    fn splat(self) -> R {
+        R::splat(self)
+    }
+    #[inline(always)]
+    fn times(self, factor: f64) -> Self {
+        self * factor
+    }
+    #[inline(always)]
+    fn by_sign(self, positive: R, negative: R) -> R {
+        if self.is_sign_negative() { negative } else { positive }
     }
 }
 
@@ -142,10 +170,10 @@ pub trait DamperModel: Sync + Sized {
     /// A model may write it out, where what depends on the motion alone is worked out once for both stages in the middle, and
     /// for parameters with which every step is `SHORT`.
     #[inline(always)]
-    fn step<R: Real, const SHORT: bool>(
+    fn step<R: Real, V: MotionNumber<R>, const SHORT: bool>(
         [p_start, p_middle, p_end]: [&Self::Parameters<R>; 3],
         state: Self::State<R>,
-        [start, middle, end]: [Motion<f64>; 3],
+        [start, middle, end]: [Motion<V>; 3],
         step: f64,
     ) -> Self::State<R> {
         let (half, sixth, third) = (0.5 * step, step / 6.0, step / 3.0);

@@ -1,6 +1,6 @@
 //! Normalised Bouc-Wen model of Ikhouane and Rodellar.
 
-use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
+use super::model::{DamperModel, DamperSpec, Motion, MotionNumber, Severity, Short};
 use crate::elementary::{Exponent, powf};
 use crate::parameters::parameters;
 use crate::real::Real;
@@ -51,14 +51,14 @@ impl DamperModel for NormalisedBoucWen {
     }
 
     #[inline(always)]
-    fn step<R: Real, const SHORT: bool>(
+    fn step<R: Real, V: MotionNumber<R>, const SHORT: bool>(
         [start, middle, end]: [&Parameters<R>; 3],
         [w]: [R; 1],
-        [x_start, x_middle, x_end]: [Motion<f64>; 3],
+        [x_start, x_middle, x_end]: [Motion<V>; 3],
         step: f64,
     ) -> [R; 1] {
         let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
-        [Hysteresis::step::<SHORT>(loops, w, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
+        [Hysteresis::step::<V, SHORT>(loops, w, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
     }
 
     #[inline(always)]
@@ -108,17 +108,17 @@ impl<R: Real> Hysteresis<R> {
     /// w after a step of classical Runge-Kutta; loops and velocities [m/s] are those at its start, middle and end, and every
     /// exponent is 2 where the step is `SHORT`.
     #[inline(always)]
-    pub(crate) fn step<const SHORT: bool>(
+    pub(crate) fn step<V: MotionNumber<R>, const SHORT: bool>(
         [start, middle, end]: [&Self; 3],
         w: R,
-        [v_start, v_middle, v_end]: [f64; 3],
+        [v_start, v_middle, v_end]: [V; 3],
         step: f64,
     ) -> R {
         // Rates are worked out over half a step: the reach of the first two stages.
         let half = 0.5 * step;
-        let first = start.slope * R::splat(v_start * half);
-        let second = middle.slope * R::splat(v_middle * half);
-        let last = end.slope * R::splat(v_end * half);
+        let first = start.slope * v_start.times(half).splat();
+        let second = middle.slope * v_middle.times(half).splat();
+        let last = end.slope * v_end.times(half).splat();
         let whole = second + second;
         let [s_1, s_2, s_3, s_4] =
             if SHORT || (start.exponent.is_two() && middle.exponent.is_two() && end.exponent.is_two()) {
@@ -155,9 +155,9 @@ impl<R: Real> Hysteresis<R> {
 
     /// 1 - |w|^n (reversible + dissipative sgn(w v)), the share of the initial slope.
     #[inline(always)]
-    fn share(&self, v: f64, w: R, power: R) -> R {
-        let positive = usize::from(v.is_sign_negative());
-        let rounding = w.by_sign(self.rounding[positive], self.rounding[1 - positive]);
+    fn share<V: MotionNumber<R>>(&self, v: V, w: R, power: R) -> R {
+        let [loading, unloading] = self.rounding;
+        let rounding = w.by_sign(v.by_sign(loading, unloading), v.by_sign(unloading, loading));
         (-power).mul_add(rounding, R::splat(1.0))
     }
 }

@@ -1,0 +1,133 @@
+"""What is printed: files of C, and the signals that go in and out of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from string import Template
+from typing import Final, Literal
+
+from mrwork import _rust
+from mrwork.errors import SettingError
+
+# Words that C or its header math.h has taken, of those that parameters and folders may be called.
+_TAKEN = frozenset({
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "exp", "extern",
+    "float", "for", "goto", "if", "inline", "int", "log", "long", "main", "pow", "register", "restrict", "return",
+    "short", "signed", "sizeof", "sqrt", "static", "struct", "switch", "tanh", "typedef", "union", "unsigned", "void",
+    "volatile", "while", "fma",
+})  # fmt: skip
+USUAL_SAMPLE_TIME: Final = 1e-3
+"""Time between two samples of a rig's controller where none is given [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signal:
+    """A number that goes into printed code or comes out of it: a name of C, an entry of an array with its place."""
+
+    name: str
+    unit: str
+    description: str
+    value: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CSource:
+    """Printed code: `name` begins every name of it, `files` have their texts by name.
+
+    A controller has no states of its own that others could integrate.
+    """
+
+    name: str
+    kind: Literal["damper", "controller"]
+    description: str
+    files: dict[str, str]
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    parameters: tuple[Signal, ...]
+    n_states: int
+    is_lagged: bool
+    sample_time: float
+    substeps: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flavour:
+    """Numbers and elementary functions of printed code.
+
+    In `double` with functions of our own it has the bits of the lanes; `libm` calls those of `math.h`, and `single` is
+    in `float` and calls them, too.
+    """
+
+    libm: bool = False
+    single: bool = False
+
+    @property
+    def real(self) -> str:
+        """The type of numbers."""
+        return "float" if self.single else "double"
+
+    @property
+    def share(self) -> float:
+        """Share of the largest force by which the code may differ from the lanes, zero for the same bits."""
+        return 1e-4 if self.single else 1e-13 if self.libm else 0.0
+
+    def number(self, value: float) -> str:
+        """A number that a compiler reads back to the bit."""
+        return f"{float(value)!r}{'f' if self.single else ''}"
+
+    def fill(self, frame: str, **values: object) -> str:
+        """A frame with its names replaced."""
+        words = {word: f"{word}f" if self.single else word for word in ("fma", "fabs")}
+        numbers = {name: self.number(value) for name, value in _NUMBERS.items()}
+        template = Template((files("mrwork.embedded") / "frames" / frame).read_text(encoding="utf-8"))
+        return template.substitute(real=self.real, **words, **numbers, **values)
+
+    def preamble(self) -> dict[str, str]:
+        """What printed formulas call."""
+        return {"runtime": self.fill("runtime.c"), "elementary": self._elementary()}
+
+    def _elementary(self) -> str:
+        if not (self.libm or self.single):
+            return self.fill("elementary.c", functions=_functions())
+        suffix = "f" if self.single else ""
+        names = {"exp": "exp", "ln": "log", "pow": "pow", "tanh": "tanh"}
+        return "".join(f"#define mr_{own} {name}{suffix}\n" for own, name in names.items())
+
+
+_NUMBERS = {"zero": 0.0, "half": 0.5, "one": 1.0}
+
+
+@cache
+def _functions() -> str:
+    return _rust.elementary_functions()
+
+
+def c_name(text: str) -> str:
+    """A name of C made of a text: letters, digits and underscores."""
+    name = re.sub(r"\W", "_", text, flags=re.ASCII)
+    if not name.strip("_"):
+        raise SettingError(
+            f"{text!r} has no letter or digit that a name of C could have; give a folder another name"
+        )
+    return f"_{name}" if name[0].isdigit() or name in _TAKEN else name
+
+
+def c_names(texts: Sequence[str]) -> list[str]:
+    """Distinct names of C."""
+    names: list[str] = []
+    for text in texts:
+        name = c_name(text)
+        while name in names:
+            name += "_"
+        names.append(name)
+    return names
+
+
+def comment(lines: Iterable[str]) -> str:
+    """Lines as those of a comment."""
+    parts = (part for line in lines for part in line.split("\n"))
+    return "\n".join(f" * {part}".rstrip() for part in parts).replace("*/", "* /")

@@ -1,0 +1,52 @@
+"""A damper or a controller as C, in a folder of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.base.numbers import of_unit
+from mrwork.embedded.c_source import USUAL_SAMPLE_TIME, CSource, Flavour, c_name
+from mrwork.embedded.damper_c import damper_source
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit
+from mrwork.runs.damper_text import refuse_bounds
+from mrwork.store.output_file import write_file
+from mrwork.store.run_folder import check_output
+
+
+def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None) -> CSource:
+    """The C of the damper of a fit; what the records add to its force is left out, and told in the head."""
+    if fit.spec.own is not None:
+        raise SettingError(
+            f"{fit.model} has equations in Python, which are not printed as C; fit a model of the package to it by "
+            "mr.fit_like, and export that"
+        )
+    refuse_bounds(fit)
+    of_tests = f"{fit.fit_percent:.2f} % of {len(fit.quality)} test{'s' if len(fit.quality) > 1 else ''}"
+    return damper_source(
+        c_name(name),
+        fit.spec,
+        np.array(fit.theta),
+        fit.tested,
+        flavour,
+        sample_time=USUAL_SAMPLE_TIME if time_step is None else time_step,
+        origin=(f"Fit: {of_tests}, {fit.status_in_words}", *filter(None, [fit.observation_in_words])),
+    )
+
+
+def write_sources(folder: Path, source: CSource, *, replace: bool) -> list[Path]:
+    """Write the files of printed code; none is written where one may not be."""
+    paths = {folder / name: text for name, text in source.files.items()}
+    for path in paths:
+        check_output(path, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
+    for path, text in paths.items():
+        write_file(path, text.encode())
+    return list(paths)
+
+
+def in_words(source: CSource) -> str:
+    """What a user should know of printed code before he runs it."""
+    steps = f"{source.substeps} sub-step{'s' if source.substeps > 1 else ''}"
+    return f"{source.description}: {steps} in a sample of {of_unit(source.sample_time, 's')}"
