@@ -46,7 +46,7 @@ pub fn history_signals() -> Layout {
 /// hardware follow them.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Observer {
-    dynamics: DiscreteObserver,
+    pub(crate) dynamics: DiscreteObserver,
 }
 
 #[pymethods]
@@ -125,7 +125,7 @@ struct SampledFault {
 }
 
 impl LoopHardware {
-    fn dynamics(self) -> PyResult<Hardware> {
+    pub fn dynamics(self) -> PyResult<Hardware> {
         Ok(Hardware {
             sample_time: self.sample_time,
             steps: self.steps,
@@ -183,6 +183,12 @@ fn runs_of(rows: &PyReadonlyArray2<'_, u32>, streams: &PyReadonlyArray1<'_, u64>
     Ok(rows.iter().zip(streams).map(run).collect())
 }
 
+/// Groups of dampers, and the range of the command of each device.
+pub fn groups_of(dampers: &[Py<Dampers>]) -> (Vec<Group<'_>>, Vec<[f64; 2]>) {
+    let groups = dampers.iter().map(|dampers| dampers.get().group()).collect();
+    (groups, dampers.iter().flat_map(|dampers| dampers.get().ranges.clone()).collect())
+}
+
 type Responses<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<u8>>,
@@ -235,8 +241,7 @@ pub fn respond<'py>(
         .collect::<PyResult<Vec<_>>>()?;
     let hardware = hardware.dynamics()?;
     let n_coordinates = building.dynamics.n_coordinates();
-    let groups: Vec<Group<'_>> = dampers.iter().map(|dampers| dampers.get().group()).collect();
-    let ranges: Vec<[f64; 2]> = dampers.iter().flat_map(|dampers| dampers.get().ranges.clone()).collect();
+    let (groups, ranges) = groups_of(&dampers);
     let n_commanded = n_commanded.unwrap_or(ranges.len());
     let runs = runs_of(&runs, &streams)?;
     let outside =

@@ -45,7 +45,9 @@ mod _rust {
     #[pymodule_export]
     use crate::matrix_equations::riccati_equations;
     #[pymodule_export]
-    use crate::printed::{damper_text, elementary_functions, straight_forces};
+    use crate::printed::{
+        damper_text, elementary_functions, law_commands, law_readings, law_text, straight_forces,
+    };
     #[pymodule_export]
     use crate::xla::xla_handler;
 

@@ -1,13 +1,20 @@
-//! Dampers printed as C.
+//! Dampers and controllers printed as C.
 
+use mrwork_dynamics::closed_loop::{self, Batch, Run};
+use mrwork_dynamics::ground_motion::GroundMotion;
 use mrwork_dynamics::record::{Precision, damper_text as text, elementary_functions as elementary};
 use mrwork_dynamics::sampled::{Samples, straight_forces as straight};
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use numpy::ndarray::Ix2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::contiguous;
+use crate::arrays::{array_of, contiguous, shaped};
+use crate::closed_loop::{LoopHardware, Observer, groups_of};
+use crate::control::Controller;
+use crate::coupled::{Building, Dampers};
 use crate::damper::{named, parsed_laws};
+use crate::enter::value_error;
 
 /// Statements of the functions of a damper by name, see `mrwork_dynamics::record::DamperText`.
 #[pyfunction]
@@ -66,4 +73,80 @@ pub fn straight_forces<'py>(
     };
     let theta = contiguous("theta", &theta)?;
     Ok(straight(spec.name, theta, &laws, samples, dt, substeps).map(|force| force.into_pyarray(py)))
+}
+
+/// A loop without a motion, of which the controller is printed.
+#[derive(FromPyObject)]
+pub struct PrintedLoop {
+    building: Py<Building>,
+    dampers: Vec<Py<Dampers>>,
+    controller: Py<Controller>,
+    hardware: LoopHardware,
+    observer: Option<Py<Observer>>,
+    n_commanded: usize,
+}
+
+impl PrintedLoop {
+    /// What `work` makes of it as a batch of one run.
+    fn as_batch<T>(self, work: impl FnOnce(&Batch<'_>) -> T) -> PyResult<T> {
+        let Self { building, dampers, controller, hardware, observer, n_commanded } = self;
+        let (building, controller) = (building.get(), controller.get());
+        let hardware = hardware.dynamics()?;
+        let (groups, ranges) = groups_of(&dampers);
+        let still = [GroundMotion::new(hardware.sample_time, &[0.0; 8]).map_err(value_error)?];
+        let run = Run { candidate: 0, motion: 0, draw: 0, springs: 0, delay_steps: 0, stream: 0 };
+        let batch = Batch {
+            building: &building.dynamics,
+            springs: &building.springs,
+            dampers: &groups,
+            ranges: &ranges,
+            n_commanded,
+            law: controller.law,
+            outside: None,
+            gains: controller.gains(n_commanded, 2 * building.dynamics.n_coordinates())?,
+            tables: &controller.tables,
+            shaping: &controller.shaping,
+            curve: controller.curve()?,
+            model: controller.model(),
+            motions: &still,
+            runs: &[run],
+            hardware: &hardware,
+            observer: observer.as_ref().map(|observer| &observer.get().dynamics),
+        };
+        batch.check().map_err(value_error)?;
+        Ok(work(&batch))
+    }
+}
+
+/// Statements of the commands of a controller, see `mrwork_dynamics::closed_loop::LawText`.
+#[pyfunction]
+#[pyo3(signature = (looped, single=false))]
+pub fn law_text(py: Python<'_>, looped: PrintedLoop, single: bool) -> PyResult<Bound<'_, PyDict>> {
+    let precision = if single { Precision::Single } else { Precision::Double };
+    let text = looped.as_batch(|batch| closed_loop::law_text(batch, precision))?;
+    let entry = PyDict::new(py);
+    entry.set_item("command", text.command)?;
+    entry.set_item("reads", text.reads)?;
+    entry.set_item("kept", text.kept)?;
+    entry.set_item("furthest", text.furthest)?;
+    Ok(entry)
+}
+
+/// Names and numbers of entries of what a controller is given at a sample, in order.
+#[pyfunction]
+pub fn law_readings(looped: PrintedLoop) -> PyResult<Vec<(&'static str, usize)>> {
+    looped.as_batch(closed_loop::readings_of)
+}
+
+/// Commands of a controller, shape (samples, devices), for readings, shape (samples, readings).
+#[pyfunction]
+pub fn law_commands<'py>(
+    py: Python<'py>,
+    looped: PrintedLoop,
+    readings: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let flat = shaped("readings", &readings, &[("samples", None), ("readings", None)])?;
+    let samples = readings.as_array().nrows();
+    let commands = looped.as_batch(|batch| closed_loop::commands_of(batch, flat))?;
+    Ok(array_of(Ix2(samples, commands.len() / samples), commands)?.into_pyarray(py))
 }

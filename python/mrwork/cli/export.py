@@ -23,8 +23,9 @@ def add_options(parser: CommandParser) -> None:
         "Write a run for another program, in SI. mat: parameters, laws, measured and simulated forces for MATLAB, "
         "and every array of a study or a tuning, with units. opensees: a Bouc-Wen damper at one command as "
         "materials of OpenSees, in Tcl, or for openseespy where FILE ends with .py. csv: of a fit the force over "
-        "velocity and command, of a study or a tuning its criteria or scores. c: the damper of a fit in C99, for a "
-        "rig or another simulation, in a folder after which it is named, with a program that checks it."
+        "velocity and command, of a study or a tuning its criteria or scores. c: the damper of a fit, or the "
+        "controller of a study file, in C99 for a rig or another simulation, in a folder after which it is named, with "
+        "a program that checks it."
     )
     parser.epilog = examples(
         "mrwork export out/rig --target mat --out rig.mat",
@@ -32,7 +33,10 @@ def add_options(parser: CommandParser) -> None:
         "mrwork export out/rig --target c --out rig_damper",
     )
     parser.add_argument(
-        "run_folder", type=named_path, metavar="RUN", help="folder of mrwork identify, respond or tune"
+        "run_folder",
+        type=named_path,
+        metavar="RUN",
+        help="folder of mrwork identify, respond or tune, or the file of a study whose controller is printed as C",
     )
     parser.option(
         "target", "--target --to", "mat, opensees, csv or c", metavar="TO", choices=_TARGETS, required=True
@@ -45,6 +49,8 @@ def add_options(parser: CommandParser) -> None:
         "step of the analysis in OpenSees, whose sub-steps are told, or between samples of C; default 0.001"
     )
     parser.option("target", "--time-step", time_step, Range.of(node_of(OpenSeesTimeStep)), metavar="S")
+    law = "law of the study whose controller is printed as C, where there are several"
+    parser.option("target", "--law", law, metavar="NAME")
     parser.option(
         "target", "--libm", "C calls exp, log, pow and tanh of math.h, which changes last bits", bool
     )
@@ -63,12 +69,14 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.runs.load import read_run
     from mrwork.runs.printed import in_words, write_sources
 
-    opened = read_run(options.run_folder)
+    opened = None if options.run_folder.is_file() else read_run(options.run_folder)
     observation = opened.observation_in_words if isinstance(opened, Fit) else ""
     to = options.target
     document: dict[str, object] = {"run": str(options.run_folder), "to": to}
     document |= {"observation": observation} if observation else {}
-    asked = {name: getattr(options, name) for name in ("command", "error", "time_step", "libm", "single")}
+    asked = {
+        name: getattr(options, name) for name in ("command", "error", "time_step", "libm", "single", "law")
+    }
     if to in ("mat", "c") and options.output is None:
         raise SettingError(
             f"--target {to} writes what is no single text; give --out {'DIR' if to == 'c' else 'FILE'}"

@@ -125,15 +125,8 @@ class CoreLoop:
             return self._simulator_in_jax(runs, histories=histories)
         law, n = loop.law, loop.n_commanded
         with core_refusals():
-            dampers = _core_dampers(loop.devices, runs.theta)
-            controller = _rust.Controller(
-                law.name,
-                np.ascontiguousarray(runs.gains),
-                law.table_rows(),
-                _core_curve(law),
-                runs.shaping,
-                _core_model(law),
-            )
+            dampers = core_dampers(loop.devices, runs.theta)
+            controller = core_controller(law, runs.gains, runs.shaping)
 
         def simulate(places: Places, outside: Any = None) -> Any:
             with core_refusals():
@@ -218,7 +211,8 @@ def theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
     )
 
 
-def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_rust.Dampers]:
+def core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_rust.Dampers]:
+    """Devices for the core, with parameters (n_draws, n_devices of the group, n_columns) of each group."""
     groups = [[devices[member] for member in group] for group in groups_of(devices)]
     return [
         _rust.Dampers(
@@ -232,6 +226,18 @@ def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_r
         )
         for group, parameters in zip(groups, theta, strict=True)
     ]
+
+
+def core_controller(law: ControlLaw, gains: Floats, shaping: Floats | None) -> _rust.Controller:
+    """A law for the core, with gains (n_candidates, n_gains) and perhaps shaping, (n_candidates, 2)."""
+    return _rust.Controller(
+        law.name,
+        np.ascontiguousarray(gains),
+        law.table_rows(),
+        _core_curve(law),
+        shaping,
+        _core_model(law),
+    )
 
 
 def _range_of(device: Device) -> tuple[float, float]:
@@ -309,4 +315,4 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
     )
     core = _core_building(drifting, devices, stiffness=building.site_stiffness)
     first_draws = [theta[:1] for theta in theta_of(devices)]
-    return _rust.LoopModel(core, _core_dampers(devices, first_draws))
+    return _rust.LoopModel(core, core_dampers(devices, first_draws))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from math import isfinite, isnan
 from string import Template
 from typing import Final, Literal
 
@@ -77,6 +78,8 @@ class Flavour:
 
     def number(self, value: float) -> str:
         """A number that a compiler reads back to the bit."""
+        if not isfinite(value):
+            return f"({'-' if value < 0.0 else ''}({self.real}){'NAN' if isnan(value) else 'INFINITY'})"
         return f"{float(value)!r}{'f' if self.single else ''}"
 
     def fill(self, frame: str, **values: object) -> str:

@@ -23,7 +23,7 @@ from mrwork.identification.fit_file import reopen
 from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_text
 from mrwork.runs.load import read_run
-from mrwork.runs.printed import damper_of_fit, write_sources
+from mrwork.runs.printed import controller_of_study, damper_of_fit, write_sources
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
@@ -38,6 +38,7 @@ _TARGETS: dict[str, tuple[Target, ...]] = {
     "time_step": ("opensees", "c"),
     "libm": ("c",),
     "single": ("c",),
+    "law": ("c",),
 }
 
 
@@ -52,6 +53,7 @@ def export(
     time_step: OpenSeesTimeStep | None = None,
     libm: bool = False,
     single: bool = False,
+    law: str | None = None,
     replace: bool = False,
 ) -> Path:
     """Write a fit, a study or a tuning in the form of another program, in SI.
@@ -64,13 +66,14 @@ def export(
     - ``csv``: of a fit its force over velocity and command, in harmonic tests of the largest tested stroke; of a study
       or a tuning its criteria, one run a row.
     - ``c``: of a fit its damper in C99 for a rig or another simulation, in a folder whose name begins every name of the
-      code: NAME.h, NAME.c with ``NAME_start`` and ``NAME_step``, and NAME_check.c, a program that checks them.
+      code: NAME.h, NAME.c with ``NAME_start`` and ``NAME_step``, and NAME_check.c, a program that checks them. Of a
+      study file the controller of a law, with its observer.
 
     Parameters
     ----------
     run
-        Folder of a run, or what `identify`, `run_study` or `mr.tuning.judge` returned. Tests are read for a folder
-        only.
+        Folder of a run, or what `identify`, `run_study` or `mr.tuning.judge` returned; for a controller a study file.
+        Tests are read for a folder only.
     to
         The other program.
     output
@@ -85,6 +88,8 @@ def export(
         Whether C takes exp, log, pow and tanh of ``math.h``, and with them the last bits.
     single
         Whether C computes with ``float``.
+    law
+        Name of the law of a study file, where there are several.
     replace
         Whether a file that is there is replaced.
 
@@ -102,7 +107,9 @@ def export(
     >>> mr.export("out/rig", "opensees", "damper.tcl", command="0.5 A", error=0.01)  # doctest: +SKIP
     """
     path = Path(output)
-    wanted = Wanted(to=to, command=command, error=error, time_step=time_step, libm=libm, single=single)
+    wanted = Wanted(
+        to=to, command=command, error=error, time_step=time_step, libm=libm, single=single, law=law
+    )
     if to == "c":
         write_sources(path, printed(run, wanted, path), replace=replace)
         return path
@@ -121,6 +128,7 @@ class Wanted:
     time_step: float | None = None
     libm: bool = False
     single: bool = False
+    law: str | None = None
 
     def __post_init__(self) -> None:
         for name, targets in _TARGETS.items():
@@ -132,13 +140,22 @@ class Wanted:
 
 def printed(run: str | Path | Fit | StudyResults, wanted: Wanted, folder: Path) -> CSource:
     """The code that `export` writes to a folder, which it is named after."""
+    name, flavour = folder.absolute().name, Flavour(libm=wanted.libm, single=wanted.single)
+    if isinstance(run, str | Path) and Path(run).is_file():
+        if wanted.time_step is not None:
+            raise SettingError(
+                "the sample time of a controller is that of its hardware; leave the time step out"
+            )
+        return controller_of_study(Path(run), name, flavour, wanted.law)
     opened = read_run(Path(run)) if isinstance(run, str | Path) else run
     if not isinstance(opened, Fit):
         raise SettingError(
-            "a study or a tuning has no single damper to print as C; give the run folder of mrwork identify"
+            "a run of a study or a tuning is not printed as C; give the run folder of mrwork identify for a damper, or "
+            "the study file for a controller"
         )
-    flavour = Flavour(libm=wanted.libm, single=wanted.single)
-    return damper_of_fit(opened, folder.absolute().name, flavour, wanted.time_step)
+    if wanted.law is not None:
+        raise SettingError("a fit has no control law; leave the law out, or give a study file")
+    return damper_of_fit(opened, name, flavour, wanted.time_step)
 
 
 def exported(run: str | Path | Fit | StudyResults, wanted: Wanted, *, tcl: bool) -> bytes:

@@ -6,14 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import of_unit
+from mrwork.closed_loop.printed_loop import printed_loop
+from mrwork.control.laws.control_law import ControlLaw
 from mrwork.embedded.c_source import USUAL_SAMPLE_TIME, CSource, Flavour, c_name
+from mrwork.embedded.controller_c import controller_source
 from mrwork.embedded.damper_c import damper_source
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.runs.damper_text import refuse_bounds
+from mrwork.runs.study import read_study
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
+from mrwork.study.trials import designed
 
 
 def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None) -> CSource:
@@ -36,6 +42,40 @@ def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None
     )
 
 
+def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | None) -> CSource:
+    """The C of the controller of a law of a study file, which is designed as a run of the study designs it."""
+    study = designed(read_study(path))
+    printable = {
+        arrangement.row.label: arrangement
+        for arrangement in study.arrangements
+        if isinstance(arrangement.law, ControlLaw) and arrangement.row.kind == "controller"
+    }
+    if not printable:
+        raise SettingError(
+            f"{path} has no [[controller]] with a law of the package, and no other is printed as C"
+        )
+    if label is None and len(printable) > 1:
+        raise SettingError(f"{path} has several laws: give --law NAME, one of {', '.join(printable)}")
+    if label is None:
+        (label,) = printable
+    check_known(
+        label, printable, f"{path} has no law called {label!r} that is printed as C", otherwise="it has"
+    )
+    arrangement = printable[label]
+    law, building, devices = arrangement.law, arrangement.building, arrangement.devices
+    assert isinstance(law, ControlLaw)
+    storeys = [building.storey_names[storey] for storey in study.hardware.measured_storeys]
+    return controller_source(
+        c_name(name),
+        printed_loop(building, devices, law, study.hardware),
+        law,
+        {"floor": building.floor_names, "storey": storeys, "device": [device.name for device in devices]},
+        flavour,
+        unit="N" if law.spec.commands_force else study.command_unit,
+        origin=(f"Study: {study.title}; law: {label}", *law.notes),
+    )
+
+
 def write_sources(folder: Path, source: CSource, *, replace: bool) -> list[Path]:
     """Write the files of printed code; none is written where one may not be."""
     paths = {folder / name: text for name, text in source.files.items()}
@@ -48,5 +88,9 @@ def write_sources(folder: Path, source: CSource, *, replace: bool) -> list[Path]
 
 def in_words(source: CSource) -> str:
     """What a user should know of printed code before he runs it."""
-    steps = f"{source.substeps} sub-step{'s' if source.substeps > 1 else ''}"
-    return f"{source.description}: {steps} in a sample of {of_unit(source.sample_time, 's')}"
+    steps = (
+        f"{source.substeps} sub-step{'s' if source.substeps > 1 else ''} in "
+        if source.kind == "damper"
+        else ""
+    )
+    return f"{source.description}: {steps}a sample of {of_unit(source.sample_time, 's')}"

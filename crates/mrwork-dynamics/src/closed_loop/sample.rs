@@ -13,7 +13,7 @@ use crate::real::{OutOfLine, within};
 
 /// State of the controller between two samples, for a block of lanes.
 pub(super) struct Controller<'a, R: Lanes> {
-    columns: Vec<R>,
+    pub(super) columns: Vec<R>,
     reads_acceleration: bool,
     /// Zero; not a number in lanes where a gain is not a number.
     unknown: R,
@@ -23,23 +23,23 @@ pub(super) struct Controller<'a, R: Lanes> {
     /// Damper velocity below which the command is zero [m/s].
     dead_zone: R,
     /// Largest change of the command from sample to sample.
-    furthest: R,
-    memory: Memory<'a, R>,
+    pub(super) furthest: R,
+    pub(super) memory: Memory<'a, R>,
     /// State estimate of the observer.
-    state: Vec<R>,
+    pub(super) state: Vec<R>,
     next_state: Vec<R>,
-    acceleration: Vec<R>,
+    pub(super) acceleration: Vec<R>,
     innovation: Vec<R>,
-    deformation: Vec<R>,
-    rate: Vec<R>,
-    force: Vec<R>,
-    ground_acceleration: R,
+    pub(super) deformation: Vec<R>,
+    pub(super) rate: Vec<R>,
+    pub(super) force: Vec<R>,
+    pub(super) ground_acceleration: R,
     /// Of the measured storeys.
-    drift: Vec<R>,
+    pub(super) drift: Vec<R>,
     /// Commands of the last `depth` samples, a ring buffer.
-    sent: Vec<R>,
+    pub(super) sent: Vec<R>,
     /// Number of samples in `sent`.
-    depth: usize,
+    pub(super) depth: usize,
     raw: Vec<R>,
     /// Above zero in lanes where a command was not a number.
     pub(super) command_invalid: R,
@@ -136,7 +136,7 @@ impl<R: Lanes> Controller<'_, R> {
 
 /// Displacements and velocities for the law: the estimate if there is an observer, else the true ones.
 #[inline(always)]
-fn known_state<'a, R>(
+pub(super) fn known_state<'a, R>(
     observer: Option<&Observer>,
     estimate: &'a [R],
     displacement: &'a [R],
@@ -296,7 +296,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
     }
 
     #[inline(always)]
-    fn command(&mut self) {
+    pub(super) fn command(&mut self) {
         let Batch { law, outside, tables, hardware, ranges, n_commanded, building, observer, .. } =
             *self.batch;
         let n_devices = self.force.len();
@@ -362,7 +362,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
 
     /// The state estimate for the next sample.
     #[inline(always)]
-    fn estimate(&mut self, observer: &Observer) {
+    pub(super) fn estimate(&mut self, observer: &Observer) {
         let Controller {
             state,
             next_state,

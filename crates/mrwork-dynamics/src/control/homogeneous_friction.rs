@@ -1,6 +1,6 @@
 //! Modulated homogeneous friction: a friction force in proportion to the last peak of the deformation.
 
-use super::law::{Beginning, ControlLaw};
+use super::law::{Beginning, ControlLaw, Kept};
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
@@ -57,6 +57,16 @@ impl ControlLaw for ModulatedHomogeneousFriction {
             last.deformation = measured.deformation[device];
             let missing = gains.of_device(0, device).mul_add(last.peak, -measured.force[device].abs());
             *command = where_positive(missing, R::splat(measured.largest[device]));
+        }
+    }
+}
+
+impl<R> Kept<R> for Vec<LastPeak<R>> {
+    fn each(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        for own in self {
+            visit(&mut own.rate);
+            visit(&mut own.deformation);
+            visit(&mut own.peak);
         }
     }
 }

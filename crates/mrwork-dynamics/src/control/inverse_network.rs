@@ -1,7 +1,7 @@
 //! The inverse of the damper as a small neural network: command as a function of motion and desired force.
 
 use super::clipped_optimal::GAIN;
-use super::law::{Beginning, ControlLaw};
+use super::law::{Beginning, ControlLaw, Kept};
 use super::measurement::Measurement;
 use super::spec::{Gains, LawSpec};
 use crate::elementary::tanh;
@@ -95,5 +95,15 @@ impl ControlLaw for InverseNetwork {
             return Err(DynamicsError::TableSize { law, table: "output", found: output, expected: "1" });
         }
         Ok(())
+    }
+}
+
+impl<R> Kept<R> for Vec<Earlier<R>> {
+    fn each(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        for own in self {
+            visit(&mut own.deformation);
+            visit(&mut own.rate);
+            visit(&mut own.desired);
+        }
     }
 }

@@ -14,6 +14,16 @@ pub(crate) struct Beginning<'a, R: Lanes> {
     pub(crate) plan: Option<Box<Planner<'a, R>>>,
 }
 
+/// Numbers that a law keeps from sample to sample.
+pub(crate) trait Kept<R> {
+    /// Visits each.
+    fn each(&mut self, visit: &mut dyn FnMut(&mut R));
+}
+
+impl<R> Kept<R> for () {
+    fn each(&mut self, _: &mut dyn FnMut(&mut R)) {}
+}
+
 /// A control law: its formula, written once over `R: Lanes`, and what it keeps from sample to sample.
 ///
 /// `command` must be `#[inline(always)]`: it runs inside a function compiled for each instruction set.
@@ -22,7 +32,7 @@ pub(crate) trait ControlLaw {
     const SPEC: LawSpec;
 
     /// What it keeps from sample to sample, by name.
-    type Memory<'a, R: Lanes>;
+    type Memory<'a, R: Lanes>: Kept<R>;
 
     /// Its memory before the first sample.
     fn start<R: Lanes>(beginning: Beginning<'_, R>) -> Self::Memory<'_, R>;

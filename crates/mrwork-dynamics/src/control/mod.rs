@@ -28,7 +28,7 @@ mod spec;
 pub use force_curve::CurveModel;
 pub(crate) use force_curve::ForceCurve;
 pub(crate) use law::Beginning;
-use law::ControlLaw;
+use law::{ControlLaw, Kept};
 pub use loop_model::LoopModel;
 pub(crate) use measurement::{Measurement, Preview, ground_reach};
 pub(crate) use rollout::{Timing, plan, reads_accelerations};
@@ -69,6 +69,11 @@ macro_rules! laws {
         pub(crate) enum Memory<'a, R: Lanes> { $($law(<$module::$law as ControlLaw>::Memory<'a, R>),)+ }
 
         impl<R: Lanes> Memory<'_, R> {
+            /// Visits each number that it keeps.
+            pub(crate) fn each(&mut self, visit: &mut dyn FnMut(&mut R)) {
+                match self { $(Self::$law(memory) => memory.each(visit),)+ }
+            }
+
             /// Commands at a sample. With derivatives a law that switches is not compiled, and sends nothing.
             #[inline(always)]
             pub(crate) fn command(

@@ -1,7 +1,7 @@
 //! Predictive rollout: a few commands, each held for one decision and followed by a base command, are tried on the
 //! controller's own model under a forecast of the ground motion; the one of least cost is sent.
 
-use super::law::{Beginning, ControlLaw};
+use super::law::{Beginning, ControlLaw, Kept};
 use super::measurement::Measurement;
 use super::rollout::{LEVELS, OTHER_TAILS, Planner};
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
@@ -155,4 +155,9 @@ impl ControlLaw for PredictiveRollout {
             ),
         }
     }
+}
+
+/// What it keeps is not recorded.
+impl<R: Lanes> Kept<R> for Option<Box<Planner<'_, R>>> {
+    fn each(&mut self, _: &mut dyn FnMut(&mut R)) {}
 }

@@ -1,7 +1,7 @@
 //! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
 
 use super::clipped_optimal::{GAIN, clipped};
-use super::law::{Beginning, ControlLaw, Formula};
+use super::law::{Beginning, ControlLaw, Formula, Kept};
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
@@ -216,6 +216,22 @@ impl ControlLaw for SuperTwisting {
             // Zero current if the force does not depend on it.
             let still = slope.equal(R::splat(0.0));
             *command = R::select(still, if_known(free, R::splat(0.0)), (desired - free) / slope);
+        }
+    }
+}
+
+impl<R> Kept<R> for Vec<Switching<R>> {
+    fn each(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        for own in self {
+            visit(&mut own.force);
+        }
+    }
+}
+
+impl<R> Kept<R> for Vec<Integral<R>> {
+    fn each(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        for own in self {
+            visit(&mut own.rate);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A damper recorded: what it does in a sub-step, as statements of C.
 
-use super::print::{Precision, statements};
-use super::{TAPE, Term};
+use super::print::Precision;
+use super::{Formula, Term};
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, MotionNumber, State};
 use crate::damper::{ModelVisitor, visit};
@@ -48,28 +48,6 @@ struct Recorded<'a> {
     precision: Precision,
 }
 
-/// `NAME[0]`, `NAME[1]`, ...
-fn entries(name: &str, count: usize) -> impl Iterator<Item = String> + '_ {
-    (0..count).map(move |entry| format!("{name}[{entry}]"))
-}
-
-/// Inputs of these expressions, and the statements that assign what a formula makes of them.
-fn recorded<const N: usize>(
-    inputs: [Vec<String>; N],
-    precision: Precision,
-    formula: impl FnOnce([Vec<T>; N]) -> Vec<(String, T)>,
-) -> String {
-    TAPE.take();
-    let mut number = 0;
-    let terms = inputs.each_ref().map(|group| {
-        let first = number;
-        number += group.len();
-        (first..number).map(T::input).collect()
-    });
-    let ends: Vec<(String, usize)> = formula(terms).into_iter().map(|(left, term)| (left, term.0)).collect();
-    statements(&inputs.concat(), &ends, precision)
-}
-
 fn assigned(name: &str, terms: impl IntoIterator<Item = T>) -> Vec<(String, T)> {
     terms.into_iter().enumerate().map(|(entry, term)| (format!("{name}[{entry}] ="), term)).collect()
 }
@@ -80,49 +58,68 @@ fn terms_of<S: State<T>>(state: S) -> Vec<T> {
     terms
 }
 
+impl Recorded<'_> {
+    fn prepare(&self) -> String {
+        let mut formula = Formula::new(self.precision);
+        let mut columns: Vec<T> = self.coefficients.iter().map(|name| formula.input(name)).collect();
+        self.laws.prepare(&mut columns);
+        let decay = self.laws.lag_column().map(|column| {
+            let factor = exp(columns[column] * <T as Real>::splat(-0.5 * self.step));
+            ("m->decay =".to_owned(), factor)
+        });
+        formula.statements(assigned("m->prepared", columns).into_iter().chain(decay))
+    }
+
+    fn parameters(&self) -> String {
+        let mut formula = Formula::new(self.precision);
+        let columns = formula.inputs("m->prepared", self.laws.n_columns());
+        let current = formula.input("current");
+        let mut values = vec![<T as Real>::splat(f64::NAN); self.laws.n_params()];
+        self.laws.evaluate(&columns, current, &mut values);
+        formula.statements(assigned("p", values))
+    }
+
+    /// A formula of the parameters and states at a motion.
+    fn at_point<M: DamperModel>(
+        &self,
+        ends: impl FnOnce(M::Parameters<T>, M::State<T>, Motion<T>) -> Vec<(String, T)>,
+    ) -> String {
+        let mut formula = Formula::new(self.precision);
+        let p = M::Parameters::from_slice(&formula.inputs("m->p", self.laws.n_params()));
+        let state = formula.inputs("m->state", M::SPEC.n_states);
+        let motion = Motion { displacement: formula.input("x"), velocity: formula.input("v") };
+        formula.statements(ends(p, M::State::from_fn(|entry| state[entry]), motion))
+    }
+
+    fn substep<M: DamperModel>(&self) -> String {
+        let mut formula = Formula::new(self.precision);
+        let names: &[&str] =
+            if self.laws.lag_column().is_some() { &["m->p", "middle", "end"] } else { &["m->p"] };
+        let values: Vec<Vec<T>> =
+            names.iter().map(|name| formula.inputs(name, self.laws.n_params())).collect();
+        let p = [0, 1, 2].map(|stage| M::Parameters::from_slice(values.get(stage).unwrap_or(&values[0])));
+        let state = formula.inputs("m->state", M::SPEC.n_states);
+        let motion = formula.inputs("motion", 6);
+        let motions =
+            [0, 2, 4].map(|place| Motion { displacement: motion[place], velocity: motion[place + 1] });
+        let state = M::State::from_fn(|entry| state[entry]);
+        let next = terms_of(M::step::<T, T, false>(p.each_ref(), state, motions, self.step));
+        let places: Vec<String> = (0..next.len()).map(|entry| format!("m->state[{entry}]")).collect();
+        formula.assigned_at_once(&places, &next)
+    }
+}
+
 impl ModelVisitor<DamperText> for Recorded<'_> {
     fn visit<M: DamperModel + 'static>(self) -> DamperText {
-        let Self { coefficients, laws, step, precision } = self;
-        let (n_states, n_params) = (M::SPEC.n_states, laws.n_params());
-        let state = || entries("m->state", n_states).collect::<Vec<_>>();
-        let own = || entries("m->p", n_params).collect::<Vec<_>>();
-        let motion = || vec!["x".to_owned(), "v".to_owned()];
-        let at = |motion: &[T]| Motion { displacement: motion[0], velocity: motion[1] };
-        let states = |terms: &[T]| M::State::<T>::from_fn(|entry| terms[entry]);
-        let prepare = recorded([coefficients.to_vec()], precision, |[mut columns]| {
-            laws.prepare(&mut columns);
-            let decay =
-                laws.lag_column().map(|column| exp(columns[column] * <T as Real>::splat(-0.5 * step)));
-            let decay = decay.map(|decay| ("m->decay =".to_owned(), decay));
-            assigned("m->prepared", columns).into_iter().chain(decay).collect()
-        });
-        let columns = entries("m->prepared", laws.n_columns()).collect();
-        let parameters = recorded([columns, vec!["current".into()]], precision, |[columns, current]| {
-            let mut values = vec![<T as Real>::splat(f64::NAN); n_params];
-            laws.evaluate(&columns, current[0], &mut values);
-            assigned("p", values)
-        });
-        let force = recorded([own(), state(), motion()], precision, |[p, state, motion]| {
-            vec![("return".into(), M::force(&M::Parameters::from_slice(&p), states(&state), at(&motion)))]
-        });
-        let rate = recorded([own(), state(), motion()], precision, |[p, state, motion]| {
-            assigned("rate", terms_of(M::rate(&M::Parameters::from_slice(&p), states(&state), at(&motion))))
-        });
-        let others = |name| entries(name, if laws.lag_column().is_some() { n_params } else { 0 }).collect();
-        let inputs = [own(), others("middle"), others("end"), state(), entries("motion", 6).collect()];
-        let mut substep = recorded(inputs, precision, |[own, middle, end, state, motion]| {
-            let ways =
-                [&own, &middle, &end].map(|p| M::Parameters::from_slice(if p.is_empty() { &own } else { p }));
-            let motions = [0, 2, 4].map(|place| at(&motion[place..]));
-            let next = M::step::<T, T, false>(ways.each_ref(), states(&state), motions, step);
-            let next = terms_of(next).into_iter().enumerate();
-            // Assigned after all is worked out.
-            next.map(|(entry, term)| (format!("const {} next_{entry} =", precision.word()), term)).collect()
-        });
-        for entry in 0..n_states {
-            substep.push_str(&format!("    m->state[{entry}] = next_{entry};\n"));
+        DamperText {
+            prepare: self.prepare(),
+            parameters: self.parameters(),
+            force: self
+                .at_point::<M>(|p, state, motion| vec![("return".to_owned(), M::force(&p, state, motion))]),
+            rate: self
+                .at_point::<M>(|p, state, motion| assigned("rate", terms_of(M::rate(&p, state, motion)))),
+            substep: self.substep::<M>(),
         }
-        DamperText { prepare, parameters, force, rate, substep }
     }
 }
 

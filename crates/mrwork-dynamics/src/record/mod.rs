@@ -4,6 +4,7 @@
 //! entry that refers to earlier ones: what is printed from it rounds where the lanes round, and gives their bits.
 
 mod damper;
+mod formula;
 mod print;
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -11,9 +12,11 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 
 pub use damper::{DamperText, damper_text};
+pub(crate) use formula::Formula;
 pub use print::{Precision, elementary_functions};
 
 use crate::elementary::{Elementary, Exponent, exp, ln, powf, tanh};
+use crate::lanes::Lanes;
 use crate::real::{Bits, OutOfLine, Pairs, Real};
 
 /// What an entry of the list is.
@@ -137,8 +140,28 @@ impl<const FINE: bool> Term<FINE> {
         Self(put(Kind::Input, [0; 3], number as u64))
     }
 
-    fn value(self) -> Option<f64> {
+    /// Its value, if that is known.
+    pub(crate) fn value(self) -> Option<f64> {
         value_of(self.0)
+    }
+}
+
+impl Lanes for Term<false> {
+    const WIDTH: usize = 1;
+    type Vector = Self;
+    const VECTORS: usize = 1;
+    fn vector(&self, _: usize) -> Self {
+        *self
+    }
+    fn set_vector(&mut self, _: usize, vector: Self) {
+        *self = vector;
+    }
+    fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
+        <Self as Real>::splat(value(0))
+    }
+    /// What is not known is not a number.
+    fn for_each(self, mut receive: impl FnMut(usize, f64)) {
+        receive(0, self.value().unwrap_or(f64::NAN));
     }
 }
 

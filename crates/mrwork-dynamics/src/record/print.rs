@@ -90,6 +90,12 @@ fn uses(tape: &Tape, ends: &[(String, usize)]) -> Vec<u32> {
     uses
 }
 
+/// Whether an entry is on the way to some of the ends.
+pub(super) fn leads_to(place: usize, ends: &[usize]) -> bool {
+    let ends: Vec<(String, usize)> = ends.iter().map(|&end| (String::new(), end)).collect();
+    TAPE.with_borrow(|tape| uses(tape, &ends)[place] > 0)
+}
+
 /// An entry as an expression of others.
 fn expression(node: Node, [a, b, c]: [&str; 3], inputs: &[String], precision: Precision) -> String {
     let call = |name: &str, of: &str| precision.function(name, of);

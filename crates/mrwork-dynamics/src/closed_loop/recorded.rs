@@ -1,0 +1,160 @@
+//! A control sample with its readings given: recorded as statements of C, and computed.
+
+use super::batch::Batch;
+use super::sample::{Controller, Sample, known_state};
+use crate::control::Preview;
+use crate::coupled::PlantMotion;
+use crate::lanes::Lanes;
+use crate::record::{Formula, Precision, Term};
+
+/// A signal that a controller reads, with the number of its entries.
+type Signal = (&'static str, usize);
+
+/// The commands of a controller as statements, whose memory is `m`, whose gains are `gains->NAME[]` and whose readings are `in`.
+///
+/// `m->sent` are the commands of the sample before, `m->law` is what the law keeps, `m->state` the estimate of an observer and
+/// `m->furthest` the largest change of a command from the sample before.
+pub struct LawText {
+    /// The statements.
+    pub command: String,
+    /// What the law reads.
+    pub reads: Vec<Signal>,
+    /// What it keeps, at the start.
+    pub kept: Vec<f64>,
+    /// Largest change of a command from sample to sample.
+    pub furthest: f64,
+}
+
+/// What can be read: the state where no observer estimates it, then what sensors measure.
+fn signals(batch: &Batch<'_>) -> Vec<Signal> {
+    let n_state = if batch.observer.is_some() { 0 } else { batch.building.n_coordinates() };
+    let signals = [
+        ("displacement", n_state),
+        ("velocity", n_state),
+        ("acceleration", batch.building.n_floors()),
+        ("ground_acceleration", 1),
+        ("ground_velocity", 1),
+        ("drift", batch.hardware.measured_storeys.len()),
+        ("deformation", batch.n_devices()),
+        ("force", batch.n_devices()),
+    ];
+    signals.into_iter().filter(|signal| signal.1 > 0).collect()
+}
+
+/// Commands of a sample and the estimate for the next one, from readings in the order of `signals`.
+fn sampled<'b, R: Lanes>(
+    batch: &Batch<'b>,
+    controller: &mut Controller<'b, R>,
+    number: usize,
+    readings: &[R],
+    estimates: bool,
+) {
+    let zero = R::splat(0.0);
+    let n = batch.building.n_coordinates();
+    let (mut displacement, mut velocity, mut ground_velocity) = (vec![zero; n], vec![zero; n], zero);
+    let mut rest = readings;
+    for (name, count) in signals(batch) {
+        let (own, others) = rest.split_at(count);
+        rest = others;
+        match name {
+            "displacement" => displacement = own.to_vec(),
+            "velocity" => velocity = own.to_vec(),
+            "acceleration" => controller.acceleration = own.to_vec(),
+            "ground_acceleration" => controller.ground_acceleration = own[0],
+            "ground_velocity" => ground_velocity = own[0],
+            "drift" => controller.drift = own.to_vec(),
+            "deformation" => controller.deformation = own.to_vec(),
+            _ => controller.force = own.to_vec(),
+        }
+    }
+    let (_, known) = known_state(batch.observer, &controller.state, &displacement, &velocity);
+    controller.rate =
+        (0..batch.n_devices()).map(|device| batch.building.devices.dot(device, known)).collect();
+    let force = controller.force.clone();
+    let mut sample = Sample {
+        batch,
+        runs: &[0],
+        streams: &[0],
+        number,
+        motion: PlantMotion {
+            displacement: &displacement,
+            velocity: &velocity,
+            acceleration: &[],
+            element_force: &[],
+        },
+        force: &force,
+        ground_acceleration: &zero,
+        ground_reading: &zero,
+        ground_velocity: &ground_velocity,
+        preview: Preview { motions: &[], now: 0.0, reach: 0.0, step: 0.0 },
+        controller,
+    };
+    sample.command();
+    if let (true, Some(observer)) = (estimates, batch.observer) {
+        sample.estimate(observer);
+    }
+}
+
+/// The controller of the first run of a batch, in C.
+#[must_use]
+pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
+    let mut formula = Formula::new(precision);
+    let mut controller = Controller::<Term<false>>::new(batch, &[0], None);
+    let furthest = controller.furthest.value().unwrap_or(f64::INFINITY);
+    let mut kept = Vec::new();
+    controller.memory.each(&mut |term| {
+        kept.push(term.value().unwrap_or(f64::NAN));
+    });
+    controller.columns = (batch.law.spec().gains.iter())
+        .flat_map(|gain| formula.inputs(&format!("gains->{}", gain.name), gain.shape.size(batch.sizes())))
+        .collect();
+    controller.furthest = formula.input("m->furthest");
+    if batch.observer.is_some() {
+        controller.state = formula.inputs("m->state", controller.state.len());
+    }
+    let n_devices = batch.n_devices();
+    for (device, term) in formula.inputs("m->sent", n_devices).into_iter().enumerate() {
+        controller.sent[device] = term;
+    }
+    let mut memory = formula.inputs("m->law", kept.len()).into_iter();
+    controller.memory.each(&mut |term| *term = memory.next().unwrap_or(*term));
+    let signals = signals(batch);
+    let groups: Vec<Vec<Term<false>>> =
+        signals.iter().map(|&(name, count)| formula.inputs(&format!("in->{name}"), count)).collect();
+    sampled(batch, &mut controller, 1, &groups.concat(), false);
+    // The commands of the sample before stand in the first row.
+    let place = (1 % controller.depth) * n_devices;
+    let mut ends = controller.sent[place..place + n_devices].to_vec();
+    controller.memory.each(&mut |term| ends.push(*term));
+    let lefts: Vec<String> = (0..n_devices)
+        .map(|device| format!("m->sent[{device}]"))
+        .chain((0..kept.len()).map(|place| format!("m->law[{place}]")))
+        .collect();
+    let reads = signals
+        .into_iter()
+        .zip(&groups)
+        .filter(|(_, terms)| terms.iter().any(|&term| formula.uses(term, &ends)))
+        .map(|(signal, _)| signal)
+        .collect();
+    LawText { command: formula.assigned_at_once(&lefts, &ends), reads, kept, furthest }
+}
+
+/// Names and numbers of entries of what [`commands_of`] is given, in order.
+#[must_use]
+pub fn readings_of(batch: &Batch<'_>) -> Vec<Signal> {
+    signals(batch)
+}
+
+/// Commands of the controller of the first run, shape (samples, devices), for readings, shape (samples, readings).
+#[must_use]
+pub fn commands_of(batch: &Batch<'_>, readings: &[f64]) -> Vec<f64> {
+    let mut controller = Controller::<f64>::new(batch, &[0], None);
+    let n_devices = batch.n_devices();
+    let width: usize = signals(batch).iter().map(|signal| signal.1).sum();
+    let mut commands = Vec::with_capacity(readings.len() / width * n_devices);
+    for (number, row) in readings.chunks_exact(width).enumerate() {
+        sampled(batch, &mut controller, number, row, true);
+        commands.extend_from_slice(controller.sent_at(number));
+    }
+    commands
+}

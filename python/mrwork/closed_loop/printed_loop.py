@@ -1,0 +1,92 @@
+"""The controller of a loop as the core prints it: the loop without motions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrwork import _rust
+from mrwork.buildings.device import Device, as_actuators
+from mrwork.buildings.groups import commanded, sends_forces
+from mrwork.buildings.plane_building import Building
+from mrwork.closed_loop.core_loop import LoopOfRuns, core_controller, core_dampers, theta_of
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.observer import loop_observer
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.linear.lqr import Observer
+from mrwork.dampers.simulation import core_refusals
+from mrwork.errors import SettingError
+
+# Laws whose formulas are loops that no list of operations holds, and what is nearest to each.
+_NOT_PRINTED = {
+    "predictive_rollout": "inverse_direct, or clipped_optimal",
+    "fuzzy": "signal_network, or clipped_optimal",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PrintedLoop:
+    """Building, dampers, law, hardware and observer as the core takes them; it reads the fields by name."""
+
+    building: _rust.Building
+    dampers: list[_rust.Dampers]
+    controller: _rust.Controller
+    hardware: Hardware
+    observer: _rust.Observer | None
+    n_commanded: int
+    matrices: Observer | None
+
+
+def printed_loop(
+    building: Building, devices: Sequence[Device], law: ControlLaw, hardware: Hardware
+) -> PrintedLoop:
+    """The loop of a law with one set of gains; laws and hardware that cannot be printed are refused by name."""
+    if nearest := _NOT_PRINTED.get(law.name):
+        raise SettingError(
+            f"{law.name} is not printed as C, because its formula has loops; the nearest is {nearest}"
+        )
+    if hardware.ground_preview > 0.0:
+        raise SettingError("no sensor tells the ground ahead; leave ground_preview of the hardware out")
+    if hardware.faults:
+        raise SettingError("faults are of a simulation; leave the faults of the hardware out")
+    driven = commanded(devices)
+    if law.spec.commands_force:
+        if not sends_forces(devices):
+            hardware = replace(hardware, command_rate=math.inf)
+        driven = as_actuators(driven, law.largest_force)
+        devices = (*driven, *devices[len(driven) :])
+    gains = law.gain_rows(len(driven), 2 * building.n_coordinates)
+    if len(gains) != 1:
+        raise SettingError(
+            f"{law.name} has {len(gains)} candidates, and one is printed; give one set of gains"
+        )
+    observer = None if hardware.feedback == "state" else loop_observer(building, devices, hardware)
+    loop = LoopOfRuns(
+        building=building,
+        varied=(),
+        devices=tuple(devices),
+        law=law,
+        hardware=hardware,
+        observer=observer,
+        motions=(),
+        step_factor=1,
+    )
+    if loop.is_own:
+        raise SettingError(
+            "a damper with equations in Python is not printed; let a model of the package take its place, by `like` "
+            "of the study or mr.fit_like"
+        )
+    core = loop.core()
+    with core_refusals():
+        return PrintedLoop(
+            building=core.building,
+            dampers=core_dampers(devices, [theta[:1] for theta in theta_of(devices)]),
+            controller=core_controller(law, gains, None if law.shaping is None else np.array([law.shaping])),
+            hardware=hardware,
+            observer=core.observer,
+            n_commanded=len(driven),
+            matrices=observer,
+        )

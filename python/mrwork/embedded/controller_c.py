@@ -1,0 +1,246 @@
+"""A controller as C: its law printed by the core, in a frame with observer, limits of readings and queue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mrwork import _rust
+from mrwork.base.numbers import of_unit
+from mrwork.base.values import Floats
+from mrwork.closed_loop.printed_loop import PrintedLoop
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.embedded.c_source import CSource, Flavour, Signal, comment
+
+_SAMPLES = 1000
+# Readings that a controller may have: unit, size in the check, largest that is believed, and words.
+_SIGNALS: dict[str, tuple[str, float, float, str]] = {
+    "displacement": ("m", 0.01, 1e3, "of coordinate {0}"),
+    "velocity": ("m/s", 0.1, 1e3, "of coordinate {0}"),
+    "acceleration": ("m/s^2", 3.0, 1e3, "absolute, of {floor}"),
+    "ground_acceleration": ("m/s^2", 3.0, 1e3, "of the ground"),
+    "ground_velocity": ("m/s", 0.1, 1e2, "of the ground"),
+    "drift": ("m", 0.01, 1e2, "of {storey}"),
+    "deformation": ("m", 0.01, 1e2, "elongation of {device}"),
+    "force": ("N", 2e3, 1e9, "with which {device} resists"),
+}
+
+
+def controller_source(
+    name: str,
+    loop: PrintedLoop,
+    law: ControlLaw,
+    places: dict[str, Sequence[str]],
+    flavour: Flavour,
+    *,
+    unit: str,
+    origin: Sequence[str] = (),
+) -> CSource:
+    """The C of the controller of a loop: NAME.h, NAME.c, and NAME_check.c with a test.
+
+    `places` are the names of floors, measured storeys and devices, `unit` is of the commands, and `origin` are
+    sentences on where the gains are from.
+    """
+    text = _rust.law_text(loop, flavour.single)
+    given = dict(_rust.law_readings(loop))
+    observer = loop.matrices
+    used = {signal for signal, _ in text["reads"]}
+    if observer is not None:
+        used |= {"acceleration", "deformation", "force", "drift"} | (
+            {"ground_acceleration"} if np.any(observer.Ed) or np.any(observer.G) else set()
+        )
+    read = {signal: count for signal, count in given.items() if signal in used}
+    inputs = tuple(_inputs(read, places))
+    gains = tuple(_gains(law))
+    n_all, kept = given["force"], text["kept"]
+    sample_time = loop.hardware.sample_time
+    head = [
+        *law.spec.equation.split("\n"),
+        "",
+        *origin,
+        f"Source of the law: {law.spec.source}",
+        *law.shaping_notes,
+        "A force is that with which a device resists, and has the sign of the rate of its elongation. The law was "
+        f"designed for samples {of_unit(sample_time, 's')} apart.",
+        "No watchdog is here: stop calling, and the last command stays. Send zero where samples do not come.",
+        f"Compile: cc -std=c99 -O2 -ffp-contract=off {name}.c {name}_check.c -lm; on x86 with -mfma, or fma is a slow "
+        "call. Rounding to nearest.",
+        f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
+    ]
+    real = flavour.real
+    words = {
+        "name": name,
+        "macro": name.upper(),
+        "title": f"Controller: {law.spec.title}, in SI",
+        "unit": unit,
+        "head": comment(head),
+        "n_devices": loop.n_commanded,
+        "n_all": n_all,
+        "n_estimated": 1 if observer is None else len(observer.Ad),
+        "n_kept": max(len(kept), 1),
+        "kept": ", ".join(map(flavour.number, kept or [0.0])),
+        "sample_time": flavour.number(sample_time),
+        "gains": "\n".join(_fields(gains, real)) or f"    {real} none;",
+        "values": ",\n".join(_initial(gains, flavour)) or f"    {flavour.number(0.0)}",
+        "readings": "\n".join(_fields(inputs, real)) or f"    {real} none;",
+        "limit_fields": "\n".join(f"    {real} {signal};  /* [{_SIGNALS[signal][0]}] */" for signal in read)
+        or f"    {real} none;",
+        "limits": ", ".join(flavour.number(_SIGNALS[signal][2]) for signal in read) or flavour.number(0.0),
+        "believed": "".join(
+            f"    believe(m, input->{signal}, m->before.{signal}, {count}, m->limits.{signal});\n"
+            for signal, count in read.items()
+        ),
+        "furthest": flavour.number(text["furthest"]),
+        "command": text["command"],
+        "observer": "",
+        "estimate": "",
+        **flavour.preamble(),
+    }
+    if observer is not None:
+        words["observer"] = _observer(name, loop, n_all, given.get("drift", 0), flavour)
+        words["estimate"] = "    estimate(m, &m->before);\n"
+    return CSource(
+        name=name,
+        kind="controller",
+        description=f"{law.spec.title} controller",
+        files={
+            f"{name}.h": flavour.fill("controller.h", **words),
+            f"{name}.c": flavour.fill("controller.c", **words),
+            f"{name}_check.c": _check(name, loop, read, given, flavour),
+        },
+        inputs=inputs,
+        outputs=tuple(
+            Signal(name=f"command[{device}]", unit=unit, description=f"of {places['device'][device]}")
+            for device in range(loop.n_commanded)
+        ),
+        parameters=gains,
+        n_states=0,
+        is_lagged=False,
+        sample_time=sample_time,
+        substeps=1,
+    )
+
+
+def _inputs(read: dict[str, int], places: dict[str, Sequence[str]]) -> Iterator[Signal]:
+    for signal, count in read.items():
+        unit, _, _, words = _SIGNALS[signal]
+        for entry in range(count):
+            names = {kind: each[entry] for kind, each in places.items() if entry < len(each)}
+            yield Signal(name=f"{signal}[{entry}]", unit=unit, description=words.format(entry + 1, **names))
+
+
+def _gains(law: ControlLaw) -> Iterator[Signal]:
+    for gain in law.spec.gains:
+        for entry, value in enumerate(np.ravel(np.asarray(law.gains[gain.name], dtype=np.float64)).tolist()):
+            yield Signal(
+                name=f"{gain.name}[{entry}]", unit=gain.unit, description=gain.description, value=value
+            )
+
+
+def _groups(signals: Sequence[Signal]) -> dict[str, list[Signal]]:
+    """Entries of arrays by the name of the array."""
+    groups: dict[str, list[Signal]] = {}
+    for signal in signals:
+        groups.setdefault(signal.name.partition("[")[0], []).append(signal)
+    return groups
+
+
+def _fields(signals: Sequence[Signal], real: str) -> Iterator[str]:
+    for array, entries in _groups(signals).items():
+        words = "; ".join(dict.fromkeys(entry.description for entry in entries))
+        yield f"    {real} {array}[{len(entries)}];  /* [{entries[0].unit}] {words} */"
+
+
+def _initial(gains: Sequence[Signal], flavour: Flavour) -> Iterator[str]:
+    for array, entries in _groups(gains).items():
+        yield f"    {{{', '.join(flavour.number(entry.value or 0.0) for entry in entries)}}}  /* {array} */"
+
+
+def _matrix(name: str, matrix: Floats, flavour: Flavour) -> str:
+    rows = ",\n".join(f"    {{{', '.join(map(flavour.number, row))}}}" for row in matrix.tolist())
+    return f"static const {flavour.real} {name}[{len(matrix)}][{len(matrix[0])}] = {{\n{rows},\n}};"
+
+
+def _observer(name: str, loop: PrintedLoop, n_all: int, n_drifts: int, flavour: Flavour) -> str:
+    observer = loop.matrices
+    assert observer is not None
+    matrices = {
+        "transition": observer.Ad,
+        "input_of": observer.Bd,
+        "gain": observer.gain,
+        "output": observer.C,
+        "direct": observer.D,
+    }
+    expects = moves = ""
+    if loop.hardware.observes_ground:
+        matrices |= {"ground": observer.Ed[:, None], "direct_ground": observer.G[:, None]}
+        shaking = "where_finite(in->ground_acceleration[0])"
+        fma = "fmaf" if flavour.single else "fma"
+        expects = f"        expected = {fma}({shaking}, direct_ground[row][0], expected);\n"
+        moves = f"        sum = {fma}({shaking}, ground[row][0], sum);\n"
+    n_measured = len(observer.C)
+    n_floors = n_measured - n_all - n_drifts
+    measured_floors = loop.hardware.measured_floors
+    floors = range(n_floors) if measured_floors is None else measured_floors
+    measured = [
+        *(f"in->acceleration[{floor}]" for floor in floors),
+        *(f"in->deformation[{device}]" for device in range(n_all)),
+        *(f"in->drift[{place}]" for place in range(n_drifts)),
+    ]
+    return flavour.fill(
+        "observer.c",
+        name=name,
+        matrices="\n".join(
+            _matrix(word, np.atleast_2d(matrix), flavour) for word, matrix in matrices.items()
+        ),
+        n_measured=n_measured,
+        n_states=len(observer.Ad),
+        n_all=n_all,
+        measured=", ".join(measured),
+        expects=expects,
+        moves=moves,
+    )
+
+
+def readings_of_check(given: dict[str, int]) -> Floats:
+    """Readings at samples, shape (n_samples, n_readings), of all signals that a controller is given."""
+    rng = np.random.default_rng(0)
+    columns = []
+    for signal, count in given.items():
+        time = np.arange(_SAMPLES)[:, None]
+        turns = time * rng.uniform(0.002, 0.03, size=(3, 1, count)) + rng.uniform(size=(3, 1, count))
+        columns.append(_SIGNALS[signal][1] * np.sin(2.0 * np.pi * turns).mean(axis=0))
+    return np.concatenate(columns, axis=1)
+
+
+def _check(
+    name: str, loop: PrintedLoop, read: dict[str, int], given: dict[str, int], flavour: Flavour
+) -> str:
+    """A program that ends with 0 where the printed controller sends the commands of the core."""
+    readings = readings_of_check(given)
+    commands = _rust.law_commands(loop, np.ascontiguousarray(readings))[:, : loop.n_commanded]
+    places = np.cumsum([0, *given.values()])
+    shown = [
+        np.arange(first, first + count)
+        for (signal, count), first in zip(given.items(), places.tolist(), strict=False)
+        if signal in read
+    ]
+    columns = np.concatenate([readings[:, [place for part in shown for place in part]], commands], axis=1)
+    rows = ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in columns.tolist())
+    filled = "".join(
+        f"        for (int entry = 0; entry < {count}; ++entry)\n"
+        f"            input.{signal}[entry] = ({flavour.real})samples[i][column++];\n"
+        for signal, count in read.items()
+    )
+    largest = float(np.abs(commands).max())
+    return flavour.fill(
+        "controller_check.c",
+        name=name,
+        n_samples=len(columns),
+        width=columns.shape[1],
+        n_devices=loop.n_commanded,
+        rows=rows,
+        filled=filled or "        memset(&input, 0, sizeof input);\n",
+        tolerance=repr(flavour.share * largest),
+    )
