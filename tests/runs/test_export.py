@@ -354,3 +354,28 @@ def test_an_export_says_what_the_record_adds_to_the_force_of_the_damper(tmp_path
     assert f"# {fit.observation_in_words}" in text
     rows = table_of(mr.export(fit, "csv", tmp_path / "fit.csv", command="0.5 A"))
     assert {row["remark"] for row in rows} == {fit.observation_in_words}
+
+
+def test_a_damper_is_printed_in_a_folder_that_names_it(fit: Fit, tmp_path: Path) -> None:
+    folder = mr.export(fit, "c", tmp_path / "rig damper")
+    assert {each.name for each in folder.iterdir()} == {"rig_damper.h", "rig_damper.c", "rig_damper_check.c"}
+    head = (folder / "rig_damper.h").read_text()
+    assert f"{fit.fit_percent:.2f} % of 3 tests" in head
+    refusal(mr.export, fit, "c", folder, match="is there already")
+    mr.export(fit, "c", folder, single=True, replace=True)
+    assert "float c_0;" in (folder / "rig_damper.h").read_text()
+
+
+def test_what_is_not_printed_is_refused(fit: Fit, tmp_path: Path) -> None:
+    refusal(mr.export, fit, "c", tmp_path / "a", law="passive", match="a fit has no control law")
+    refusal(mr.export, fit, "csv", tmp_path / "a.csv", single=True, match="only for an export to c")
+    refusal(mr.export, fit, "c", tmp_path / "***", match="no letter or digit")
+    refusal(
+        mr.export,
+        fit,
+        "c",
+        tmp_path / "a",
+        time_step=0.2,
+        match="has 5 samples a cycle .* shorter --time-step",
+    )
+    refusal(mr.export, results(), "c", tmp_path / "a", match="the study file for a controller")

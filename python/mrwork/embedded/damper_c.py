@@ -18,6 +18,8 @@ from mrwork.errors import SettingError
 
 _SAMPLES = 1000
 _CYCLES = 2.5
+# Samples of a cycle below which straight lines are no motion of a rig.
+_FEWEST = 20
 # Commands of the check, one after the other, as shares of the tested range, and the samples that each stays.
 _COMMANDS = (0.0, 1.0, 0.25, 0.7)
 _HELD = 125
@@ -169,12 +171,19 @@ def _motion_of_check(spec: DamperSpec, tested: OperatingRange, sample_time: floa
             "the tested ranges of this fit are not known, and the printed limits and check follow from them; run "
             "mrwork identify again"
         )
+    hertz = tested.velocity / (2.0 * np.pi * tested.stroke)
+    if hertz * sample_time * _FEWEST > 1.0:
+        raise SettingError(
+            f"a time step of {of_unit(sample_time, 's')} has {1.0 / (hertz * sample_time):.2g} samples a cycle of the "
+            f"tested stroke and velocity; give at least {_FEWEST}, by a shorter --time-step (in Python `time_step`)"
+        )
     time = sample_time * np.arange(_SAMPLES)
     half = time[_SAMPLES // 2]
-    turns = _CYCLES * np.minimum(time, half) / half
-    amplitude = min(tested.stroke, tested.velocity * half / (2.0 * np.pi * _CYCLES))
+    cycles = max(_CYCLES, hertz * half)
+    turns = cycles * np.minimum(time, half) / half
+    amplitude = min(tested.stroke, tested.velocity * half / (2.0 * np.pi * cycles))
     sine = np.minimum(turns, 1.0) * np.sin(2.0 * np.pi * turns)
-    later = np.maximum(time - half, 0.0) / half * _CYCLES
+    later = np.maximum(time - half, 0.0) / half * cycles
     triangle = np.abs((later + 0.25) % 1.0 - 0.5) * -4.0 + 1.0
     shape = np.where(time <= half, sine, -triangle)
     levels = np.repeat(np.resize(_COMMANDS, -(-_SAMPLES // _HELD)), _HELD)[:_SAMPLES]
