@@ -67,7 +67,7 @@ metadata declare:
 "OpenSeesPy is free for research, education, and internal use. Commercial redistribution of OpenSeesPy, such as, but not
 limited to, an application or cloud-based service that uses import openseespy, requires a license similar to that
 required for commercial redistribution of OpenSees.exe." That is no open source licence. The text that
-`mrwork export --to opensees` writes needs OpenSees when it is used, and has no part of it.
+`mrwork export --target opensees` writes needs OpenSees when it is used, and has no part of it.
 """
 
 

@@ -38,6 +38,7 @@ pub fn damper_text<'py>(
         functions.set_item("force", text.force)?;
         functions.set_item("rate", text.rate)?;
         functions.set_item("substep", text.substep)?;
+        functions.set_item("calls", text.calls)?;
     }
     Ok(functions)
 }
@@ -129,6 +130,7 @@ pub fn law_text(py: Python<'_>, looped: PrintedLoop, single: bool) -> PyResult<B
     entry.set_item("reads", text.reads)?;
     entry.set_item("kept", text.kept)?;
     entry.set_item("furthest", text.furthest)?;
+    entry.set_item("calls", text.calls)?;
     Ok(entry)
 }
 

@@ -89,9 +89,9 @@ class Flavour:
         template = Template((files("mrwork.embedded") / "frames" / frame).read_text(encoding="utf-8"))
         return template.substitute(real=self.real, **words, **numbers, **values)
 
-    def preamble(self) -> dict[str, str]:
-        """What printed formulas call."""
-        return {"runtime": self.fill("runtime.c"), "elementary": self._elementary()}
+    def preamble(self, *, calls: bool) -> dict[str, str]:
+        """What printed formulas need; elementary functions where they call some."""
+        return {"runtime": self.fill("runtime.c"), "elementary": self._elementary() if calls else ""}
 
     def _elementary(self) -> str:
         if not (self.libm or self.single):

@@ -95,7 +95,7 @@ def controller_source(
         "command": text["command"],
         "observer": "",
         "estimate": "",
-        **flavour.preamble(),
+        **flavour.preamble(calls=text["calls"]),
     }
     if observer is not None:
         words["observer"] = _observer(name, loop, n_all, given.get("drift", 0), flavour)

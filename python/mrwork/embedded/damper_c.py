@@ -117,7 +117,7 @@ def damper_source(
         ),
         "limits": ", ".join(flavour.number(_BELIEVED * (limit or 1.0)) for limit in limits),
         "take": "" if spec.lagged else f"    {name}_carry(m, to.command);\n",
-        **flavour.preamble(),
+        **flavour.preamble(calls=text["calls"]),
         **text,
         **_with_lag(n_params, len(names), text, flavour, spec),
     }

@@ -21,6 +21,11 @@ from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.trials import designed
 
+_OF_STATE = (
+    "Displacements and velocities of the building, where the law reads them, are given by no sensor; with feedback = "
+    '"observer" of the hardware the printed controller estimates them.'
+)
+
 
 def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None) -> CSource:
     """The C of the damper of a fit; what the records add to its force is left out, and told in the head."""
@@ -46,7 +51,7 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
     """The C of the controller of a law of a study file, which is designed as a run of the study designs it."""
     study = designed(read_study(path))
     printable = {
-        arrangement.row.label: arrangement
+        arrangement.row.label: (arrangement.law, arrangement)
         for arrangement in study.arrangements
         if isinstance(arrangement.law, ControlLaw) and arrangement.row.kind == "controller"
     }
@@ -56,14 +61,15 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
         )
     if label is None and len(printable) > 1:
         raise SettingError(f"{path} has several laws: give --law NAME, one of {', '.join(printable)}")
-    if label is None:
-        (label,) = printable
+    of_name = [own for own, (law, _) in printable.items() if label in (None, law.name)]
+    if label not in printable and len(of_name) == 1:
+        (label,) = of_name
     check_known(
-        label, printable, f"{path} has no law called {label!r} that is printed as C", otherwise="it has"
+        label or "", printable, f"{path} has no law called {label!r} that is printed as C", otherwise="it has"
     )
-    arrangement = printable[label]
-    law, building, devices = arrangement.law, arrangement.building, arrangement.devices
-    assert isinstance(law, ControlLaw)
+    law, arrangement = printable[label or ""]
+    building, devices = arrangement.building, arrangement.devices
+    states = (_OF_STATE,) if study.hardware.feedback == "state" else ()
     storeys = [building.storey_names[storey] for storey in study.hardware.measured_storeys]
     return controller_source(
         c_name(name),
@@ -72,7 +78,7 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
         {"floor": building.floor_names, "storey": storeys, "device": [device.name for device in devices]},
         flavour,
         unit="N" if law.spec.commands_force else study.command_unit,
-        origin=(f"Study: {study.title}; law: {label}", *law.notes),
+        origin=(f"Study: {study.title}; law: {label}", *states, *law.notes),
     )
 
 
@@ -93,4 +99,6 @@ def in_words(source: CSource) -> str:
         if source.kind == "damper"
         else ""
     )
-    return f"{source.description}: {steps}a sample of {of_unit(source.sample_time, 's')}"
+    text = f"{source.description}: {steps}a sample of {of_unit(source.sample_time, 's')}"
+    of_state = any(each.name.startswith(("displacement[", "velocity[")) for each in source.inputs)
+    return f"{text}\n{_OF_STATE}" if of_state else text

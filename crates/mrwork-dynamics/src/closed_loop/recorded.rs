@@ -23,6 +23,8 @@ pub struct LawText {
     pub kept: Vec<f64>,
     /// Largest change of a command from sample to sample.
     pub furthest: f64,
+    /// Whether the statements call elementary functions.
+    pub calls: bool,
 }
 
 /// What can be read: the state where no observer estimates it, then what sensors measure.
@@ -136,7 +138,8 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
         .filter(|(_, terms)| terms.iter().any(|&term| formula.uses(term, &ends)))
         .map(|(signal, _)| signal)
         .collect();
-    LawText { command: formula.assigned_at_once(&lefts, &ends), reads, kept, furthest }
+    let calls = formula.calls();
+    LawText { command: formula.assigned_at_once(&lefts, &ends), reads, kept, furthest, calls }
 }
 
 /// Names and numbers of entries of what [`commands_of`] is given, in order.

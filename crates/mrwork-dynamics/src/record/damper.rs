@@ -1,5 +1,7 @@
 //! A damper recorded: what it does in a sub-step, as statements of C.
 
+use std::cell::Cell;
+
 use super::print::Precision;
 use super::{Formula, Term};
 use crate::current_law::CurrentLaws;
@@ -39,6 +41,8 @@ pub struct DamperText {
     /// Moves `m->state` by a sub-step with `motion[6]`, displacement and velocity at its start, middle and end; with a lag from
     /// the parameters `m->p`, `middle` and `end`.
     pub substep: String,
+    /// Whether they call elementary functions.
+    pub calls: bool,
 }
 
 struct Recorded<'a> {
@@ -46,6 +50,7 @@ struct Recorded<'a> {
     laws: &'a CurrentLaws,
     step: f64,
     precision: Precision,
+    calls: Cell<bool>,
 }
 
 fn assigned(name: &str, terms: impl IntoIterator<Item = T>) -> Vec<(String, T)> {
@@ -59,6 +64,11 @@ fn terms_of<S: State<T>>(state: S) -> Vec<T> {
 }
 
 impl Recorded<'_> {
+    fn statements(&self, formula: &Formula, ends: impl IntoIterator<Item = (String, T)>) -> String {
+        self.calls.set(self.calls.get() | formula.calls());
+        formula.statements(ends)
+    }
+
     fn prepare(&self) -> String {
         let mut formula = Formula::new(self.precision);
         let mut columns: Vec<T> = self.coefficients.iter().map(|name| formula.input(name)).collect();
@@ -67,7 +77,7 @@ impl Recorded<'_> {
             let factor = exp(columns[column] * <T as Real>::splat(-0.5 * self.step));
             ("m->decay =".to_owned(), factor)
         });
-        formula.statements(assigned("m->prepared", columns).into_iter().chain(decay))
+        self.statements(&formula, assigned("m->prepared", columns).into_iter().chain(decay))
     }
 
     fn parameters(&self) -> String {
@@ -76,7 +86,7 @@ impl Recorded<'_> {
         let current = formula.input("current");
         let mut values = vec![<T as Real>::splat(f64::NAN); self.laws.n_params()];
         self.laws.evaluate(&columns, current, &mut values);
-        formula.statements(assigned("p", values))
+        self.statements(&formula, assigned("p", values))
     }
 
     /// A formula of the parameters and states at a motion.
@@ -88,7 +98,8 @@ impl Recorded<'_> {
         let p = M::Parameters::from_slice(&formula.inputs("m->p", self.laws.n_params()));
         let state = formula.inputs("m->state", M::SPEC.n_states);
         let motion = Motion { displacement: formula.input("x"), velocity: formula.input("v") };
-        formula.statements(ends(p, M::State::from_fn(|entry| state[entry]), motion))
+        let ends = ends(p, M::State::from_fn(|entry| state[entry]), motion);
+        self.statements(&formula, ends)
     }
 
     fn substep<M: DamperModel>(&self) -> String {
@@ -105,6 +116,7 @@ impl Recorded<'_> {
         let state = M::State::from_fn(|entry| state[entry]);
         let next = terms_of(M::step::<T, T, false>(p.each_ref(), state, motions, self.step));
         let places: Vec<String> = (0..next.len()).map(|entry| format!("m->state[{entry}]")).collect();
+        self.calls.set(self.calls.get() | formula.calls());
         formula.assigned_at_once(&places, &next)
     }
 }
@@ -119,6 +131,7 @@ impl ModelVisitor<DamperText> for Recorded<'_> {
             rate: self
                 .at_point::<M>(|p, state, motion| assigned("rate", terms_of(M::rate(&p, state, motion)))),
             substep: self.substep::<M>(),
+            calls: self.calls.get(),
         }
     }
 }
@@ -133,5 +146,5 @@ pub fn damper_text(
     step: f64,
     precision: Precision,
 ) -> Option<DamperText> {
-    visit(name, Recorded { coefficients, laws, step, precision })
+    visit(name, Recorded { coefficients, laws, step, precision, calls: Cell::new(false) })
 }

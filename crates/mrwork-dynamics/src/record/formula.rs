@@ -32,6 +32,11 @@ impl Formula {
         leads_to(term.0, &ends.iter().map(|end| end.0).collect::<Vec<_>>())
     }
 
+    /// Whether it calls an elementary function.
+    pub(crate) fn calls(&self) -> bool {
+        TAPE.with_borrow(|tape| tape.nodes.iter().any(|node| node.kind.is_call()))
+    }
+
     /// Statements, each of a left-hand side such as `y =` and what follows it.
     pub(crate) fn statements(&self, ends: impl IntoIterator<Item = (String, Term<false>)>) -> String {
         let ends: Vec<(String, usize)> = ends.into_iter().map(|(left, end)| (left, end.0)).collect();

@@ -53,6 +53,13 @@ enum Kind {
     TimesTwo,
 }
 
+impl Kind {
+    /// Whether it is a function of the crate, which is printed once beside the formulas.
+    fn is_call(self) -> bool {
+        matches!(self, Self::Exp | Self::Ln | Self::Pow | Self::Tanh)
+    }
+}
+
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Node {
     kind: Kind,
