@@ -19,7 +19,7 @@ from mrwork.control import ControlLaw, control_laws, plant_of
 from mrwork.embedded.c_source import CSource, Flavour
 from mrwork.embedded.controller_c import controller_source, readings_of_check
 
-NOT_PRINTED = ("predictive_rollout", "fuzzy")
+NOT_PRINTED = ("predictive_rollout",)
 LAWS = [law.name for law in control_laws() if law.name not in NOT_PRINTED]
 OBSERVED = Hardware(feedback="observer", known_ground=True, command_rate=200.0)
 

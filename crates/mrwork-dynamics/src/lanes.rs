@@ -29,6 +29,22 @@ pub trait Lanes: Real {
     fn from_fn(value: impl FnMut(usize) -> f64) -> Self;
     /// Calls `receive(i, value)` for every lane, in order.
     fn for_each(self, receive: impl FnMut(usize, f64));
+    /// The whole number at or below it, from 0 to `most`; 0 where it is not a number.
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)] // small counts
+    fn cell(self, most: usize) -> Self {
+        let mut cells = [0.0; MOST_LANES];
+        self.for_each(|lane, place| cells[lane] = (place as usize).min(most) as f64);
+        Self::from_fn(|lane| cells[lane])
+    }
+    /// The entry of a table at this place, a whole number within it.
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place in a table
+    fn looked_up(self, table: &[f64]) -> Self {
+        let mut entries = [0.0; MOST_LANES];
+        self.for_each(|lane, place| entries[lane] = table[place as usize]);
+        Self::from_fn(|lane| entries[lane])
+    }
     /// The same value with the derivatives `slope(i, k)` of lane i along direction k; a plain number has none.
     #[inline(always)]
     fn with_slopes(self, _slope: impl FnMut(usize, usize) -> f64) -> Self {

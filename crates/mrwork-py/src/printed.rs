@@ -130,6 +130,7 @@ pub fn law_text(py: Python<'_>, looped: PrintedLoop, single: bool) -> PyResult<B
     entry.set_item("reads", text.reads)?;
     entry.set_item("kept", text.kept)?;
     entry.set_item("furthest", text.furthest)?;
+    entry.set_item("tables", text.tables)?;
     entry.set_item("calls", text.calls)?;
     Ok(entry)
 }

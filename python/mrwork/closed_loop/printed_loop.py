@@ -23,7 +23,6 @@ from mrwork.errors import SettingError
 # Laws whose formulas are loops that no list of operations holds, and what is nearest to each.
 _NOT_PRINTED = {
     "predictive_rollout": "inverse_direct, or clipped_optimal",
-    "fuzzy": "signal_network, or clipped_optimal",
 }
 
 

@@ -93,6 +93,10 @@ def controller_source(
         ),
         "furthest": flavour.number(text["furthest"]),
         "command": text["command"],
+        "tables": "\n".join(
+            f"static const {real} table_{number}[{len(table)}] = {{{', '.join(map(flavour.number, table))}}};"
+            for number, table in enumerate(text["tables"])
+        ),
         "observer": "",
         "estimate": "",
         **flavour.preamble(calls=text["calls"]),

@@ -25,6 +25,8 @@ pub struct LawText {
     pub furthest: f64,
     /// Whether the statements call elementary functions.
     pub calls: bool,
+    /// Its tables, `table_0`, `table_1`, ...
+    pub tables: Vec<Vec<f64>>,
 }
 
 /// What can be read: the state where no observer estimates it, then what sensors measure.
@@ -135,11 +137,11 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
     let reads = signals
         .into_iter()
         .zip(&groups)
-        .filter(|(_, terms)| terms.iter().any(|&term| formula.uses(term, &ends)))
+        .filter(|(_, terms)| terms.iter().any(|&term| Formula::uses(term, &ends)))
         .map(|(signal, _)| signal)
         .collect();
-    let calls = formula.calls();
-    LawText { command: formula.assigned_at_once(&lefts, &ends), reads, kept, furthest, calls }
+    let (calls, tables) = (Formula::calls(), Formula::tables());
+    LawText { command: formula.assigned_at_once(&lefts, &ends), reads, kept, furthest, calls, tables }
 }
 
 /// Names and numbers of entries of what [`commands_of`] is given, in order.

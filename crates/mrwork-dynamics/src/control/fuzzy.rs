@@ -4,7 +4,7 @@ use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::error::DynamicsError;
-use crate::lanes::{Lanes, MOST_LANES};
+use crate::lanes::Lanes;
 use crate::real::within;
 
 /// A table of command shares, interpolated.
@@ -64,24 +64,13 @@ impl Formula for Fuzzy {
 fn interpolated<R: Lanes>(table: &[f64], side: usize, x: R, y: R) -> R {
     let half = R::splat(0.5 * to_f64(side - 1));
     let (row, column) = (half.mul_add(x, half), half.mul_add(y, half));
-    let (mut rows, mut columns) = ([0; MOST_LANES], [0; MOST_LANES]);
-    row.for_each(|lane, place| rows[lane] = cell(place, side));
-    column.for_each(|lane, place| columns[lane] = cell(place, side));
-    let (u, v) =
-        (row - R::from_fn(|lane| to_f64(rows[lane])), column - R::from_fn(|lane| to_f64(columns[lane])));
-    let entry = |down: usize, right: usize| {
-        R::from_fn(|lane| table[(rows[lane] + down) * side + columns[lane] + right])
-    };
+    let (above, left) = (row.cell(side - 2), column.cell(side - 2));
+    let (u, v) = (row - above, column - left);
+    let first = above.mul_add(R::splat(to_f64(side)), left);
+    let entry = |down: usize, right: usize| (first + R::splat(to_f64(down * side + right))).looked_up(table);
     let upper = v.mul_add(entry(0, 1) - entry(0, 0), entry(0, 0));
     let lower = v.mul_add(entry(1, 1) - entry(1, 0), entry(1, 0));
     u.mul_add(lower - upper, upper)
-}
-
-/// The cell of a place from 0 to `side - 1`; the first one of a place that is not a number.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not below zero
-#[inline(always)]
-fn cell(place: f64, side: usize) -> usize {
-    (place as usize).min(side - 2)
 }
 
 #[allow(clippy::cast_precision_loss)] // a table's side is small

@@ -65,7 +65,7 @@ fn terms_of<S: State<T>>(state: S) -> Vec<T> {
 
 impl Recorded<'_> {
     fn statements(&self, formula: &Formula, ends: impl IntoIterator<Item = (String, T)>) -> String {
-        self.calls.set(self.calls.get() | formula.calls());
+        self.calls.set(self.calls.get() | Formula::calls());
         formula.statements(ends)
     }
 
@@ -116,7 +116,7 @@ impl Recorded<'_> {
         let state = M::State::from_fn(|entry| state[entry]);
         let next = terms_of(M::step::<T, T, false>(p.each_ref(), state, motions, self.step));
         let places: Vec<String> = (0..next.len()).map(|entry| format!("m->state[{entry}]")).collect();
-        self.calls.set(self.calls.get() | formula.calls());
+        self.calls.set(self.calls.get() | Formula::calls());
         formula.assigned_at_once(&places, &next)
     }
 }

@@ -1,5 +1,7 @@
 //! A formula under record: its inputs by name, and the statements that it becomes.
 
+use std::fmt::Write;
+
 use super::print::{Precision, leads_to, statements};
 use super::{TAPE, Term};
 
@@ -27,13 +29,18 @@ impl Formula {
         (0..count).map(|entry| self.input(format!("{name}[{entry}]"))).collect()
     }
 
-    /// Whether what ends the formula depends on a term.
-    pub(crate) fn uses(&self, term: Term<false>, ends: &[Term<false>]) -> bool {
+    /// Whether what ends the formula of this thread depends on a term.
+    pub(crate) fn uses(term: Term<false>, ends: &[Term<false>]) -> bool {
         leads_to(term.0, &ends.iter().map(|end| end.0).collect::<Vec<_>>())
     }
 
-    /// Whether it calls an elementary function.
-    pub(crate) fn calls(&self) -> bool {
+    /// The tables that entries of this thread's formula are looked up in, by their numbers.
+    pub(crate) fn tables() -> Vec<Vec<f64>> {
+        TAPE.with_borrow(|tape| tape.looked_up.clone())
+    }
+
+    /// Whether the formula of this thread calls an elementary function.
+    pub(crate) fn calls() -> bool {
         TAPE.with_borrow(|tape| tape.nodes.iter().any(|node| node.kind.is_call()))
     }
 
@@ -50,7 +57,7 @@ impl Formula {
             ends.iter().enumerate().map(|(number, &end)| (format!("const {word} next_{number} ="), end));
         let mut text = self.statements(next);
         for (number, place) in places.iter().enumerate() {
-            text.push_str(&format!("    {place} = next_{number};\n"));
+            let _ = writeln!(text, "    {place} = next_{number};");
         }
         text
     }

@@ -51,6 +51,8 @@ enum Kind {
     Entry,
     HalfTwo,
     TimesTwo,
+    Cell,
+    LookUp,
 }
 
 impl Kind {
@@ -75,6 +77,7 @@ struct Tape {
     nodes: Vec<Node>,
     known: HashMap<Node, usize>,
     tables: Vec<&'static [f64; 16]>,
+    looked_up: Vec<Vec<f64>>,
 }
 
 thread_local! {
@@ -119,7 +122,7 @@ fn value_of(place: usize) -> Option<f64> {
 
 fn table_of(table: &'static [f64; 16]) -> usize {
     TAPE.with_borrow_mut(|tape| {
-        let number = tape.tables.iter().position(|&known| known == table);
+        let number = tape.tables.iter().position(|&known| core::ptr::eq(known, table));
         number.unwrap_or_else(|| {
             tape.tables.push(table);
             tape.tables.len() - 1
@@ -169,6 +172,20 @@ impl Lanes for Term<false> {
     /// What is not known is not a number.
     fn for_each(self, mut receive: impl FnMut(usize, f64)) {
         receive(0, self.value().unwrap_or(f64::NAN));
+    }
+    fn cell(self, most: usize) -> Self {
+        Self(put(Kind::Cell, [self.0, 0, 0], most as u64))
+    }
+    #[allow(clippy::float_cmp)] // the same table
+    fn looked_up(self, table: &[f64]) -> Self {
+        let number = TAPE.with_borrow_mut(|tape| {
+            let known = tape.looked_up.iter().position(|known| known == table);
+            known.unwrap_or_else(|| {
+                tape.looked_up.push(table.to_vec());
+                tape.looked_up.len() - 1
+            })
+        });
+        Self(put(Kind::LookUp, [self.0, number, 0], 0))
     }
 }
 

@@ -97,6 +97,7 @@ pub(super) fn leads_to(place: usize, ends: &[usize]) -> bool {
 }
 
 /// An entry as an expression of others.
+#[allow(clippy::cast_precision_loss)] // of a small table
 fn expression(node: Node, [a, b, c]: [&str; 3], inputs: &[String], precision: Precision) -> String {
     let call = |name: &str, of: &str| precision.function(name, of);
     match node.kind {
@@ -129,6 +130,8 @@ fn expression(node: Node, [a, b, c]: [&str; 3], inputs: &[String], precision: Pr
         Kind::Entry => format!("mr_entry({a}, mr_table_{})", node.of[1]),
         Kind::HalfTwo => format!("mr_half_of_two_to({a})"),
         Kind::TimesTwo => format!("mr_times_two_to({a}, {b})"),
+        Kind::Cell => format!("mr_cell({a}, {})", precision.number(node.bits as f64)),
+        Kind::LookUp => format!("table_{}[(int){a}]", node.of[1]),
     }
 }
 

@@ -12,6 +12,7 @@ $values
 };
 const ${name}_limits ${name}_believed = {$limits};
 
+$tables
 static const $real kept_at_start[$n_kept] = {$kept};
 
 $observer

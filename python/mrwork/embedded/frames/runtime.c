@@ -9,4 +9,5 @@
 #endif
 
 MR_UNUSED static $real mr_min($real a, $real b) { return a < b ? a : b; }
+MR_UNUSED static $real mr_cell($real x, $real most) { return x >= $one ? (x < most ? ($real)(int)x : most) : $zero; }
 MR_UNUSED static $real mr_max($real a, $real b) { return a > b ? a : b; }
