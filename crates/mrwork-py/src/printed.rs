@@ -89,7 +89,7 @@ pub struct PrintedLoop {
 
 impl PrintedLoop {
     /// What `work` makes of it as a batch of one run.
-    fn as_batch<T>(self, work: impl FnOnce(&Batch<'_>) -> T) -> PyResult<T> {
+    fn on_batch<T>(self, work: impl FnOnce(&Batch<'_>) -> T) -> PyResult<T> {
         let Self { building, dampers, controller, hardware, observer, n_commanded } = self;
         let (building, controller) = (building.get(), controller.get());
         let hardware = hardware.dynamics()?;
@@ -124,7 +124,7 @@ impl PrintedLoop {
 #[pyo3(signature = (looped, single=false))]
 pub fn law_text(py: Python<'_>, looped: PrintedLoop, single: bool) -> PyResult<Bound<'_, PyDict>> {
     let precision = if single { Precision::Single } else { Precision::Double };
-    let text = looped.as_batch(|batch| closed_loop::law_text(batch, precision))?;
+    let text = looped.on_batch(|batch| closed_loop::law_text(batch, precision))?;
     let entry = PyDict::new(py);
     entry.set_item("command", text.command)?;
     entry.set_item("reads", text.reads)?;
@@ -138,7 +138,7 @@ pub fn law_text(py: Python<'_>, looped: PrintedLoop, single: bool) -> PyResult<B
 /// Names and numbers of entries of what a controller is given at a sample, in order.
 #[pyfunction]
 pub fn law_readings(looped: PrintedLoop) -> PyResult<Vec<(&'static str, usize)>> {
-    looped.as_batch(closed_loop::readings_of)
+    looped.on_batch(closed_loop::readings_of)
 }
 
 /// Commands of a controller, shape (samples, devices), for readings, shape (samples, readings).
@@ -150,6 +150,6 @@ pub fn law_commands<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let flat = shaped("readings", &readings, &[("samples", None), ("readings", None)])?;
     let samples = readings.as_array().nrows();
-    let commands = looped.as_batch(|batch| closed_loop::commands_of(batch, flat))?;
+    let commands = looped.on_batch(|batch| closed_loop::commands_of(batch, flat))?;
     Ok(array_of(Ix2(samples, commands.len() / samples), commands)?.into_pyarray(py))
 }
