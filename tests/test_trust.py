@@ -22,9 +22,9 @@ from test_imports import imports_of, in_fresh_process
 
 PACKAGE = Path(mrwork.__file__).parent
 # Packages that run what a file says, or that reach other machines and processes, and the modules that may import them.
-HOMES = {
+HOMES: dict[str, str | tuple[str, ...]] = {
     "socket": "store/output_file.py",  # the name of the machine
-    "subprocess": "store/",  # readers of untrusted formats
+    "subprocess": ("store/", "embedded/fmu.py"),  # readers of untrusted formats, the compiler of an FMU
     "pickle": "workers/engine.py",  # what an executor would pickle itself, once for all chunks; never files
     "multiprocessing": "workers/local.py",  # workers of this machine
 }
