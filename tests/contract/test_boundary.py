@@ -20,6 +20,7 @@ from loop_samples import devices, law_with_gains, plant_with, rd1005, sweep
 import mrwork as mr
 from mrwork import _rust
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
+from mrwork.closed_loop.printed_loop import printed_loop
 from mrwork.control import regulator_gains
 from mrwork.dampers.simulation import (
     simulate_force,
@@ -63,6 +64,14 @@ def work() -> None:
     regulator_gains(**stacks, scaling=np.tile(np.eye(4), (3, 1, 1)))
     for function in (_rust.rate, _rust.force):
         function(spec.name, spec.nominal, np.zeros(1), 0.0, 0.0)
+    _rust.damper_text(spec.name, ["a", "b", "c"], 1e-3)
+    _rust.straight_forces(spec.name, np.array(spec.nominal), signal, signal, signal, 0.01, 2)
+    printed = printed_loop(
+        plain, loop, law_with_gains("fuzzy", plant_with(loop, plain)), replace(hardware, faults=())
+    )
+    _rust.law_text(printed)
+    width = sum(count for _, count in _rust.law_readings(printed))
+    _rust.law_commands(printed, np.ones((2, width)))
     _rust.flops_per_step(spec.name, spec.nominal)
     _rust.fma_peak(1, 0.0)
 
@@ -129,6 +138,7 @@ FREE = {
     **{(name, "theta"): (0,) for name in ("Dampers", "force_histories", "sensitivities", "stiffness_shares")},
     ("Controller", "gains"): (0, 1),
     ("respond", "motions"): (0, 1),
+    ("law_commands", "readings"): (0,),
 }
 
 

@@ -1,11 +1,16 @@
 //! Dampers and controllers printed as C.
 
 use mrwork_dynamics::closed_loop::{self, Batch, Run};
+use mrwork_dynamics::current_law::CurrentLaws;
+use mrwork_dynamics::damper::DamperSpec;
+use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::ground_motion::GroundMotion;
+use mrwork_dynamics::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
 use mrwork_dynamics::record::{Precision, damper_text as text, elementary_functions as elementary};
 use mrwork_dynamics::sampled::{Samples, straight_forces as straight};
 use numpy::ndarray::Ix2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -30,6 +35,10 @@ pub fn damper_text<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let spec = named(model)?.spec();
     let laws = parsed_laws(spec, laws, lagged)?;
+    check_columns(spec, &laws, coefficients.len())?;
+    if !(step.is_finite() && step > 0.0) {
+        return Err(PyValueError::new_err(format!("`step` is {step}, give a positive number")));
+    }
     let precision = if single { Precision::Single } else { Precision::Double };
     let functions = PyDict::new(py);
     if let Some(text) = text(spec.name, &coefficients, &laws, step, precision) {
@@ -67,12 +76,18 @@ pub fn straight_forces<'py>(
 ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
     let spec = named(model)?.spec();
     let laws = parsed_laws(spec, laws, lagged)?;
+    let theta = contiguous("theta", &theta)?;
+    check_columns(spec, &laws, theta.len())?;
+    let most = MAX_SUBSTEPS * MAX_SUBSTEP_FACTOR;
+    if !(1..=most).contains(&substeps) {
+        return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
+    }
+    let axes = [("samples", Some(displacement.as_array().len()))];
     let samples = Samples {
         displacement: contiguous("displacement", &displacement)?,
-        velocity: contiguous("velocity", &velocity)?,
-        command: contiguous("command", &command)?,
+        velocity: shaped("velocity", &velocity, &axes)?,
+        command: shaped("command", &command, &axes)?,
     };
-    let theta = contiguous("theta", &theta)?;
     Ok(straight(spec.name, theta, &laws, samples, dt, substeps).map(|force| force.into_pyarray(py)))
 }
 
@@ -148,8 +163,22 @@ pub fn law_commands<'py>(
     looped: PrintedLoop,
     readings: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let flat = shaped("readings", &readings, &[("samples", None), ("readings", None)])?;
     let samples = readings.as_array().nrows();
-    let commands = looped.on_batch(|batch| closed_loop::commands_of(batch, flat))?;
-    Ok(array_of(Ix2(samples, commands.len() / samples), commands)?.into_pyarray(py))
+    let commands = looped.on_batch(|batch| {
+        let width = closed_loop::readings_of(batch).iter().map(|signal| signal.1).sum();
+        let axes = [("samples", None), ("readings", Some(width))];
+        let n_devices = batch.ranges.len();
+        let commands = closed_loop::commands_of(batch, shaped("readings", &readings, &axes)?);
+        array_of(Ix2(samples, n_devices), commands)
+    })?;
+    Ok(commands?.into_pyarray(py))
+}
+
+/// Refuses another number of coefficients than the laws of a model have.
+fn check_columns(spec: &'static DamperSpec, laws: &CurrentLaws, found: usize) -> PyResult<()> {
+    let expected = laws.n_columns();
+    if found == expected {
+        return Ok(());
+    }
+    Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }))
 }

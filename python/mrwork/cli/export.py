@@ -14,7 +14,7 @@ from mrwork.cli.own_models import add_trust
 from mrwork.dampers.conventions import OpenSeesError, OpenSeesTimeStep
 from mrwork.errors import SettingError
 
-_TARGETS = ("mat", "opensees", "csv", "c")
+_TARGETS = ("mat", "opensees", "csv", "c", "fmu")
 
 
 def add_options(parser: CommandParser) -> None:
@@ -25,12 +25,13 @@ def add_options(parser: CommandParser) -> None:
         "materials of OpenSees, in Tcl, or for openseespy where FILE ends with .py. csv: of a fit the force over "
         "velocity and command, of a study or a tuning its criteria or scores. c: the damper of a fit, or the "
         "controller of a study file, in C99 for a rig or another simulation, in a folder after which it is named, with "
-        "a program that checks it."
+        "a program that checks it. fmu: the same as units of FMI 2.0 and 3.0."
     )
     parser.epilog = examples(
         "mrwork export out/rig --target mat --out rig.mat",
         "mrwork export out/rig --target opensees --command 0.5A --error 0.01",
         "mrwork export out/rig --target c --out rig_damper",
+        "mrwork export study.toml --target fmu --law clipped_optimal --out controller",
     )
     parser.add_argument(
         "run_folder",
@@ -39,7 +40,12 @@ def add_options(parser: CommandParser) -> None:
         help="folder of mrwork identify, respond or tune, or the file of a study whose controller is printed as C",
     )
     parser.option(
-        "target", "--target --to", "mat, opensees, csv or c", metavar="TO", choices=_TARGETS, required=True
+        "target",
+        "--target --to",
+        "mat, opensees, csv, c or fmu",
+        metavar="TO",
+        choices=_TARGETS,
+        required=True,
     )
     command = "command at which the damper is exported, as in 0.5A; csv: default five over the tested ones"
     parser.option("target", "--command", command, metavar="COMMAND")
@@ -55,7 +61,7 @@ def add_options(parser: CommandParser) -> None:
         "target", "--libm", "C calls exp, log, pow and tanh of math.h, which changes last bits", bool
     )
     parser.option("target", "--single", "C computes with float", bool)
-    file = "file to write, of C the folder; without it opensees and csv are printed"
+    file = "file to write, of c and fmu the folder; without it opensees and csv are printed"
     parser.option(OUTPUT, "--out --output", file, named_path, metavar="PATH", dest="output")
     parser.option(OUTPUT, "--replace", "replace files that are there", bool)
     add_trust(parser)
@@ -67,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.identification.fit import Fit
     from mrwork.runs.export import Wanted, export, exported, printed
     from mrwork.runs.load import read_run
-    from mrwork.runs.printed import in_words, write_sources
+    from mrwork.runs.printed import files_of, in_words, write_files
 
     opened = None if options.run_folder.is_file() else read_run(options.run_folder)
     observation = opened.observation_in_words if isinstance(opened, Fit) else ""
@@ -77,18 +83,19 @@ def run(options: argparse.Namespace) -> int:
     asked = {
         name: getattr(options, name) for name in ("command", "error", "time_step", "libm", "single", "law")
     }
-    if to in ("mat", "c") and options.output is None:
+    if to in ("mat", "c", "fmu") and options.output is None:
         raise SettingError(
-            f"--target {to} writes what is no single text; give --out {'DIR' if to == 'c' else 'FILE'}"
+            f"--target {to} writes what is no single text; give --out {'FILE' if to == 'mat' else 'DIR'}"
         )
-    if to == "c":
+    if to in ("c", "fmu"):
         source = printed(options.run_folder, Wanted(to=to, **asked), options.output)
-        paths = write_sources(options.output, source, replace=options.replace)
+        paths = write_files(options.output, files_of(source, to), replace=options.replace)
         document |= {"output": str(options.output), "files": [str(path) for path in paths]}
         document |= {"sample_time": source.sample_time, "substeps": source.substeps}
         text = "\n".join(
             filter(
-                None, (f"Written: {list_names([str(path) for path in paths])}", in_words(source), observation)
+                None,
+                (f"Written: {list_names([str(path) for path in paths])}", in_words(source, to), observation),
             )
         )
         print_result(options, document, text)

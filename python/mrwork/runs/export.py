@@ -23,22 +23,22 @@ from mrwork.identification.fit_file import reopen
 from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_text
 from mrwork.runs.load import read_run
-from mrwork.runs.printed import controller_of_study, damper_of_fit, write_sources
+from mrwork.runs.printed import controller_of_study, damper_of_fit, files_of, write_files
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
 from mrwork.uncertainty.bands.predictions import predict
 
-Target = Literal["mat", "opensees", "csv", "c"]
+Target = Literal["mat", "opensees", "csv", "c", "fmu"]
 
 # Targets that take an option, of a fit; a study or a tuning takes none.
 _TARGETS: dict[str, tuple[Target, ...]] = {
     "command": ("opensees", "csv"),
     "error": ("opensees",),
-    "time_step": ("opensees", "c"),
+    "time_step": ("opensees", "c", "fmu"),
     "libm": ("c",),
     "single": ("c",),
-    "law": ("c",),
+    "law": ("c", "fmu"),
 }
 
 
@@ -68,6 +68,8 @@ def export(
     - ``c``: of a fit its damper in C99 for a rig or another simulation, in a folder whose name begins every name of the
       code: NAME.h, NAME.c with ``NAME_start`` and ``NAME_step``, and NAME_check.c, a program that checks them. Of a
       study file the controller of a law, with its observer.
+    - ``fmu``: the same as functional mock-up units, with their sources and, where there is a C compiler, a binary:
+      NAME.fmu of FMI 2.0, for model exchange and co-simulation, and NAME_fmi3.fmu of FMI 3.0, for co-simulation.
 
     Parameters
     ----------
@@ -77,7 +79,7 @@ def export(
     to
         The other program.
     output
-        The file to write, of C the folder.
+        The file to write, of C and FMUs the folder.
     command
         Command at which the damper is exported, as in 0.5A; csv: default five over the tested ones.
     error
@@ -110,8 +112,8 @@ def export(
     wanted = Wanted(
         to=to, command=command, error=error, time_step=time_step, libm=libm, single=single, law=law
     )
-    if to == "c":
-        write_sources(path, printed(run, wanted, path), replace=replace)
+    if to in ("c", "fmu"):
+        write_files(path, files_of(printed(run, wanted, path), to), replace=replace)
         return path
     check_output(path, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
     write_file(path, exported(run, wanted, tcl=path.suffix != ".py"))

@@ -1,8 +1,10 @@
-"""A damper or a controller as C, in a folder of its own."""
+"""A damper or a controller as C or FMU, in a folder of its own."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from mrwork.control.laws.control_law import ControlLaw
 from mrwork.embedded.c_source import USUAL_SAMPLE_TIME, CSource, Flavour, c_name
 from mrwork.embedded.controller_c import controller_source
 from mrwork.embedded.damper_c import damper_source
+from mrwork.embedded.fmu import FMIVersion, c_compiler, fmu_of
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.runs.damper_text import refuse_bounds
@@ -82,17 +85,26 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
     )
 
 
-def write_sources(folder: Path, source: CSource, *, replace: bool) -> list[Path]:
-    """Write the files of printed code; none is written where one may not be."""
-    paths = {folder / name: text for name, text in source.files.items()}
+def files_of(source: CSource, to: Literal["c", "fmu"]) -> dict[str, bytes]:
+    """Files of printed code by name: its texts, or an FMU for each version of the standard."""
+    if to == "c":
+        return {name: text.encode() for name, text in source.files.items()}
+    compiler = c_compiler()
+    versions: dict[str, FMIVersion] = {f"{source.name}.fmu": "2.0", f"{source.name}_fmi3.fmu": "3.0"}
+    return {name: fmu_of(source, version, compiler) for name, version in versions.items()}
+
+
+def write_files(folder: Path, files: Mapping[str, bytes], *, replace: bool) -> list[Path]:
+    """Write files to a folder; none is written where one may not be."""
+    paths = {folder / name: content for name, content in files.items()}
     for path in paths:
         check_output(path, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
-    for path, text in paths.items():
-        write_file(path, text.encode())
+    for path, content in paths.items():
+        write_file(path, content)
     return list(paths)
 
 
-def in_words(source: CSource) -> str:
+def in_words(source: CSource, to: Literal["c", "fmu"]) -> str:
     """What a user should know of printed code before he runs it."""
     steps = (
         f"{source.substeps} sub-step{'s' if source.substeps > 1 else ''} in "
@@ -101,4 +113,8 @@ def in_words(source: CSource) -> str:
     )
     text = f"{source.description}: {steps}a sample of {of_unit(source.sample_time, 's')}"
     of_state = any(each.name.startswith(("displacement[", "velocity[")) for each in source.inputs)
-    return f"{text}\n{_OF_STATE}" if of_state else text
+    if of_state:
+        text += f"\n{_OF_STATE}"
+    if to == "fmu" and c_compiler() is None:
+        text += "\nThere is no C compiler here: the FMUs have sources and no binary, and the importer compiles them."
+    return text
