@@ -2,8 +2,9 @@
 
 use std::cell::Cell;
 
+use super::formula::Formula;
 use super::print::Precision;
-use super::{Formula, Term};
+use super::term::Term;
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, MotionNumber, State};
 use crate::damper::{ModelVisitor, visit};

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::print::{Precision, leads_to, statements};
-use super::{TAPE, Term};
+use super::term::{TAPE, Term};
 
 /// The record that is being made on this thread.
 pub(crate) struct Formula {

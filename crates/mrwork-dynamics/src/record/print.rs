@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{Elementary, Exponent, Kind, Node, TAPE, Tape, Term, exp, ln, tanh};
+use super::term::{Kind, Node, TAPE, Tape, Term};
+use crate::elementary::{Elementary, Exponent, exp, ln, tanh};
 
 /// Numbers of the printed text.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
