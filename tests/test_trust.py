@@ -22,11 +22,14 @@ from test_imports import imports_of, in_fresh_process
 
 PACKAGE = Path(mrwork.__file__).parent
 # Packages that run what a file says, or that reach other machines and processes, and the modules that may import them.
-HOMES: dict[str, str | tuple[str, ...]] = {
-    "socket": "store/output_file.py",  # the name of the machine
-    "subprocess": ("store/", "embedded/fmu.py"),  # readers of untrusted formats, the compiler of an FMU
-    "pickle": "workers/engine.py",  # what an executor would pickle itself, once for all chunks; never files
-    "multiprocessing": "workers/local.py",  # workers of this machine
+LINK = "closed_loop/controller_link.py"  # a controller of the user: a program, or a UDP port
+HOMES = {
+    "socket": ("store/output_file.py", LINK),  # of the former the name of the machine
+    "subprocess": (LINK, "embedded/fmu.py"),  # and the compiler of an FMU
+    "pickle": (
+        "workers/engine.py",
+    ),  # what an executor would pickle itself, once for all chunks; never files
+    "multiprocessing": ("workers/local.py",),  # workers of this machine
 }
 HOMELESS = {
     *("cloudpickle", "marshal", "shelve", "joblib", "yaml", "ctypes", "code"),
@@ -50,7 +53,7 @@ def test_packages_that_run_files_or_reach_out_have_their_homes() -> None:
         name = file.relative_to(PACKAGE).as_posix()
         imported = imports_of(file)
         assert not imported & HOMELESS, name
-        assert all(name.startswith(home) for package, home in HOMES.items() if package in imported), name
+        assert all(name in homes for package, homes in HOMES.items() if package in imported), name
 
 
 def test_code_of_others_is_run_in_one_place() -> None:

@@ -150,6 +150,12 @@ def loop_calls(_: Path) -> Calls:
     }
     yield call(mr.Hardware, **hardware)
     yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
+    outside = {"name": "x", "readings": ("force",), "timeout": 1.0, "start_timeout": 1.0}
+    yield call(of.ProcessLaw, **outside, program=("./controller",))
+    yield call(of.ProcessLaw, **outside, address=("localhost", 4000))
+    law_outside = of.ProcessLaw(**outside, program=("./controller",))
+    yield call(law_outside.protocol, building=frame, devices=loop, hardware=mr.Hardware())
+    yield call(law_outside.placeholder, devices=loop)
     values = {
         **{"building": frame, "nominal": frame, "devices": loop, "law": law},
         **{"motions": [motion]},

@@ -87,6 +87,10 @@ TABLES: dict[str, tuple[Document, KeyPath]] = {
         with_controller({"user": {"file": "law.py", "function": "command"}}),
         ("controller", 0, "user"),
     ),
+    "[controller.process]": (
+        with_controller({"process": {"program": ["./controller"]}}),
+        ("controller", 0, "process"),
+    ),
     "[[baseline]]": ({**SOUND, "baseline": [{"label": "b", "building": {"name": "b"}}]}, ("baseline", 0)),
 }
 

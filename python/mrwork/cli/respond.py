@@ -174,7 +174,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
     lines: list[str] = []
 
     def compute(journal: Journal, line: ProgressLine) -> StudyResults:
-        from mrwork.closed_loop.user_law import UserLaw
+        from mrwork.control.laws.control_law import ControlLaw
         from mrwork.study.run import run_study
 
         if options.workers or options.cluster:
@@ -183,9 +183,9 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             if labels := [
                 arrangement.row.label
                 for arrangement in study.arrangements
-                if isinstance(arrangement.law, UserLaw)
+                if not (arrangement.law is None or isinstance(arrangement.law, ControlLaw))
             ]:
-                note(f"laws in Python run in this process: {', '.join(labels)}")
+                note(f"laws of the user run in this process: {', '.join(labels)}")
         results = run_study(
             study,
             journal=journal,

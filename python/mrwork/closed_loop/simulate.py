@@ -7,6 +7,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import replace
 from time import perf_counter
 from typing import Annotated, Any
@@ -34,6 +35,7 @@ from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.closed_loop.own_runs import beyond_twin
+from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
@@ -93,7 +95,7 @@ _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
 def simulate_loop(
     building: Building,
     devices: Sequence[Device],
-    law: ControlLaw | UserLaw,
+    law: ControlLaw | UserLaw | ProcessLaw,
     motions: Sequence[GroundMotion],
     hardware: Hardware | None = None,
     *,
@@ -119,7 +121,7 @@ def simulate_loop(
         One or more, each with a model, parameters, laws and unit of the command of its own; see `Device`. Those that
         hold a command or follow none come last; gains and commands of the law are of the others.
     law
-        A law of the registry with its gains, or a law in Python, which takes one thread.
+        A law of the registry with its gains, or a law in Python or outside of it, which takes one thread.
     histories
         Whether to keep the history of every run.
     step_factor
@@ -157,8 +159,8 @@ def simulate_loop(
     (1, 3)
     """
     hardware = Hardware() if hardware is None else hardware
-    user = law if isinstance(law, UserLaw) else None
-    if isinstance(law, UserLaw):
+    user = None if isinstance(law, ControlLaw) else law
+    if not isinstance(law, ControlLaw):
         law = law.placeholder(commanded(devices))
     if not devices:
         raise SettingError(
@@ -186,7 +188,7 @@ def simulate_loop(
     if shaping is not None:
         slope, counts["`shaping`"] = float(shaping[:, 1].min()), len(shaping)
         refuse_rate(devices, slope, "command_slope")
-    name, is_idle = law.name if user is None else f"{user.name} in Python", gains.size and not gains.any()
+    name, is_idle = law.name if user is None else user.in_words, gains.size and not gains.any()
     if not (actuators or devices[0].spec.follows_command or (is_idle and user is None)):
         raise SettingError(
             f"{name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
@@ -278,6 +280,8 @@ def simulate_loop(
     if workers is None or histories or user is not None or changes is not None:
         simulate = core.simulator(runs, histories=histories, threads=threads, changes=changes)
         parts, order = _respond_here(loop, runs, simulate, user, on_progress)
+        if isinstance(user, ProcessLaw):
+            law_remarks = user.round_trips.remarks
     else:
         parts, order = _respond_elsewhere(workers, loop, runs, on_progress), np.arange(len(runs.runs))
     responses = _responses(core, runs, parts, order, varied or [building], factors)
@@ -307,7 +311,7 @@ def _respond_here(
     loop: LoopOfRuns,
     runs: RunsOfLoop,
     simulate: Simulator,
-    user: UserLaw | None,
+    user: UserLaw | ProcessLaw | None,
     on_progress: Callable[[int, int], None] | None,
 ) -> tuple[list[Any], NDArray[np.intp]]:
     """Runs in this process part by part, and the order in which they were simulated."""
@@ -317,18 +321,18 @@ def _respond_here(
         seconds = np.array([motion.duration for motion in loop.motions])
         order = np.argsort(seconds[runs.runs[:, 1]], kind="stable")
     parts = []
-    done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
-    while done < len(order):
-        part, began, outside = order[done : done + count], perf_counter(), None
-        if user is not None:
-            driven = loop.devices[: loop.n_commanded]
-            outside = user.asked(runs.runs[part, :3], driven, loop.hardware.sample_time)
-        parts.append(simulate(part, outside))
-        done += len(part)
-        if on_progress is not None:
-            on_progress(done, len(order))
-            blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
-            count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
+    most = _RUNS_AT_A_TIME if user is None else user.most_at_once
+    done, count = 0, most if on_progress is None else min(_FEWEST_RUNS, most)
+    driven, sample_time = loop.devices[: loop.n_commanded], loop.hardware.sample_time
+    with nullcontext() if user is None else user.at_work(driven, sample_time) as ask_of:
+        while done < len(order):
+            part, began = order[done : done + count], perf_counter()
+            parts.append(simulate(part, None if ask_of is None else ask_of(runs.runs[part, :3])))
+            done += len(part)
+            if on_progress is not None:
+                on_progress(done, len(order))
+                blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
+                count = min(most, _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS)))
     return parts, order
 
 

@@ -8,9 +8,11 @@ share the waiting. What a function raises has file and line.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +37,8 @@ Ask = Callable[
     [int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats], Floats
 ]
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
+AskOfRuns = Callable[[NDArray[np.uint32]], Ask]
+"""Begins some runs (candidate, motion, draw), shape (n_runs, 3)."""
 
 
 @array_dataclass(repr=False)
@@ -129,6 +133,12 @@ class LoopSample(Summarised):
         return np.asarray((np.abs(readings) < _LARGEST_READING).all(axis=1))
 
 
+READINGS: Final = {
+    entry.name: LoopSample._units[entry.name]
+    for entry in fields(LoopSample)
+    if entry.name in LoopSample._units and entry.name not in ("time", "largest")
+}
+"""Readings of a `LoopSample` with their units, in its order, which is that of an `Ask`."""
 Command = Callable[[LoopSample, Floats], ArrayLike]
 """A law in Python: takes what is measured and the memory of each run, and returns the commands."""
 
@@ -209,6 +219,9 @@ class UserLaw(Summarised):
     """
 
     _made_by: ClassVar[str] = "mr.closed_loop.UserLaw(name=..., command=...)"
+    # As many as the core takes.
+    most_at_once: ClassVar[int] = 4096
+    readings: ClassVar[tuple[str, ...]] = tuple(READINGS)
 
     name: str
     command: Command
@@ -216,6 +229,11 @@ class UserLaw(Summarised):
     n_memory: Annotated[int, Within(least=0, most=MOST_MEMORY)] = 0
     rms_time: Positive | None = None
     source: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """Its name, and what it is."""
+        return f"{self.name} in Python"
 
     @property
     def _title(self) -> str:
@@ -229,8 +247,12 @@ class UserLaw(Summarised):
         return ControlLaw(name="passive", gains={"command": np.zeros((self.n_candidates, len(devices)))})
 
     @checked
-    def asked(self, runs: NDArray[np.uint32], devices: Sequence[Device], sample_time: float) -> Ask:
-        """The law as the core asks it, for runs (candidate, motion, draw), shape (n_runs, 3)."""
+    @contextmanager
+    def at_work(self, devices: Sequence[Device], sample_time: float) -> Iterator[AskOfRuns]:
+        """The law as the core asks it, for some runs after others."""
+        yield partial(self._asked, devices, sample_time)
+
+    def _asked(self, devices: Sequence[Device], sample_time: float, runs: NDArray[np.uint32]) -> Ask:
         largest = np.array([device.largest_command for device in devices])
         # A law must not change it for the samples that follow.
         largest.setflags(write=False)
@@ -240,17 +262,17 @@ class UserLaw(Summarised):
         )
 
         def ask(number: int, places: NDArray[np.uintp], *measured: Floats) -> Floats:
-            *readings, ground_velocity, drift = measured
-            readings.append(drift)
+            readings = dict(zip(READINGS, measured, strict=True))
             memory_rows = np.zeros((len(places), self.n_memory)) if number == 0 else memory[places]
             sample = LoopSample(
                 time=number * sample_time,
                 candidate=runs[places, 0].astype(np.intp),
                 motion=runs[places, 1].astype(np.intp),
-                **dict(zip(("displacement", "velocity", *RunningRms._units), readings, strict=True)),
-                ground_velocity=ground_velocity,
+                **readings,
                 largest=largest,
-                rms=None if running is None else running.take(number, places, readings[2:]),
+                rms=None
+                if running is None
+                else running.take(number, places, [readings[name] for name in RunningRms._units]),
             )
             try:
                 returned = self.command(sample, memory_rows)

@@ -57,8 +57,8 @@ class Outcome(IntEnum):
             Outcome.UNRESOLVED: "it is too stiff for the sampling step; resample the record more finely, "
             "or shorten the step of the loop",
             Outcome.ABANDONED: "it reached the limit it was given; raise the limit to know its misfit",
-            Outcome.FAILED_SAFE: "its control law received a reading that is not a number, so its command "
-            "was invalid; check the sensor",
+            Outcome.FAILED_SAFE: "its control law received a reading that is not a number, or its controller gave no "
+            "command, so its command was invalid; check the sensor, or the controller",
         }[self]
 
 

@@ -18,6 +18,7 @@ from mrwork.base.places import Place
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import Command, UserLaw
 from mrwork.control.laws.law_problem import LawSettings
 from mrwork.dampers.tested_range import FittedDamper
@@ -89,7 +90,8 @@ def read_study(
     seed
         Seed of noise and synthetic motions.
     on_python
-        Called with a sentence that names the file of each law in Python, before any of these files runs.
+        Called with a sentence that names the file of each law in Python, or the program of one outside of it, before
+        any of these runs.
 
     Raises
     ------
@@ -116,7 +118,7 @@ def study_of(
     building: Building | Table,
     motions: Sequence[GroundMotion | str | Path | Table],
     dampers: Sequence[Table] = (),
-    laws: Sequence[str | Table | Command | UserLaw] = (),
+    laws: Sequence[str | Table | Command | UserLaw | ProcessLaw] = (),
     baselines: Sequence[Table] = (),
     hardware: Hardware | Table | None = None,
     uncertainty: UncertaintyTable | Table | None = None,
@@ -149,8 +151,8 @@ def study_of(
         the folder of an identified run, a `Fit`, or what `load` returned.
     laws
         Each the name of a control law, as ``"best_passive"``; a table, as ``{"law": "clipped_optimal", "settings":
-        {...}}``; or a function of a `LoopSample` and the memory, or a `UserLaw` of one. In a table a function may stand
-        for the name.
+        {...}}``; a function of a `LoopSample` and the memory, or a `UserLaw` of one; or a `ProcessLaw`. In a table a
+        function may stand for the name.
     baselines
         Tables of the building with other devices, each with ``label`` and ``building``.
     hardware, uncertainty, tune, places, report, target
@@ -217,8 +219,10 @@ def study_of(
     return reading.study_of_tables(tables, place, Path(), fitted_damper, seed)
 
 
-def _law_table(law: str | Table | Command | UserLaw) -> Table:
+def _law_table(law: str | Table | Command | UserLaw | ProcessLaw) -> Table:
     """The table of a law that is given by its name, by a table, by a function or as a value."""
+    if isinstance(law, ProcessLaw):
+        return {"process": given_in(law)}
     table: dict[str, Any] = dict(law) if isinstance(law, Mapping) else {"law": law}
     if isinstance(settings := table.get("settings"), LawSettings):
         table["settings"] = given_in(settings)

@@ -6,6 +6,7 @@ A law may stand in a Python file of its user, which is run as Python when the st
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_forces, sends_shares
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
+from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import control_law, refuse_units
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings
@@ -61,6 +63,12 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
             rms_time=table.rms_time,
             source=digest_of(text),
         )
+
+
+def _located(law: ProcessLaw, folder: Path) -> ProcessLaw:
+    """The law with its program as a file; a name without a folder is that of a program on the PATH."""
+    program, *arguments = law.program or ("",)
+    return replace(law, program=(str(folder.absolute() / program), *arguments)) if os.sep in program else law
 
 
 def arrangements(
@@ -136,6 +144,9 @@ def _arrange_controller(
         title, description = user.function, f"{user.function}{of_file}, in Python"
         with keyed("user"):
             law = _load_law(user, folder)
+    elif controller.process is not None:
+        law = _located(controller.process, folder)
+        title, description = law.name, f"{law.place}, outside Python"
     elif settings is None:
         constant, description = CONSTANT_LAWS[name], name
         title, kind = constant.title, constant.kind
@@ -164,7 +175,7 @@ def _arrange_controller(
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> tuple[DesignProblem, str]:
     """The problem with devices that get at most the command of a table, and the unit of the commands."""
-    spec = None if controller.user or controller.law in CONSTANT_LAWS else control_law(controller.law)
+    spec = None if controller.law in ("", *CONSTANT_LAWS) else control_law(controller.law)
     unit, shares = problem.devices[0].command_unit or "A", sends_shares(problem.devices)
     available = largest_command(problem.devices)
     if unit != "N" and spec is not None and spec.commands_force:
@@ -187,9 +198,13 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> tuple
 
 def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardware: Hardware) -> None:
     """Refuse a law that the dampers cannot have: passive ones, or dampers of the user, which the twin simulates."""
-    user, constant = controller.user, CONSTANT_LAWS.get(controller.law)
-    key, name = ("law", controller.law) if user is None else ("user", f"{user.function} in Python")
-    of_registry = control_law(name) if user is None and constant is None else None
+    constant = CONSTANT_LAWS.get(controller.law)
+    key, name = "law", controller.law
+    if controller.process is not None:
+        key, name = "process", controller.process.in_words
+    elif controller.user is not None:
+        key, name = "user", f"{controller.user.function} in Python"
+    of_registry = control_law(name) if key == "law" and constant is None else None
     # An active law replaces the dampers by actuators.
     needs_command = of_registry is None or not of_registry.commands_force
     needs_command &= constant is None or constant.share != 0.0
@@ -199,7 +214,7 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
             f"{name} commands the dampers, and they are passive or hold a command; leave this law out, or give a "
             "damper that follows a command",
         )
-    if user is None:
+    if key == "law":
         with keyed(key):
             refuse_units(of_registry or control_law("passive"), problem.devices)
     lacking = beyond_twin(problem.building, problem.devices, hardware, name)
@@ -227,11 +242,11 @@ def _baseline(baseline: BaselineTable, table: StudyTable, without: Arrangement, 
 
 
 def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mapping[str, Any] | None:
-    """The settings that a table gives its law, in SI; a constant command and a law in Python have none.
+    """The settings that a table gives its law, in SI; a constant command and a law of the user have none.
 
     Names of files with matrices are relative to `folder`.
     """
-    if table.user is not None or table.law in CONSTANT_LAWS:
+    if table.user is not None or table.process is not None or table.law in CONSTANT_LAWS:
         return None
     if table.law not in SETTINGS:
         near = suggestion(table.law, [*SETTINGS, *CONSTANT_LAWS])

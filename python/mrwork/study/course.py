@@ -15,7 +15,6 @@ import numpy as np
 from mrwork.base.progress import OnProgress, Progress, time_left
 from mrwork.buildings.groups import commanded, products_of
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.study.study import Arrangement, Study, commands_force
@@ -138,7 +137,7 @@ def _kind_of(arrangement: Arrangement) -> Kind:
     law = arrangement.law
     if not arrangement.devices:
         return "without dampers"
-    if isinstance(law, UserLaw):
+    if law is not None and not isinstance(law, ControlLaw):
         return "Python"
     if any(device.spec.own is not None for device in arrangement.devices) and not commands_force(arrangement):
         return "JAX"

@@ -32,6 +32,7 @@ from mrwork.buildings.yielding import elastic_frame
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
+from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.responses import command_unit_of
 from mrwork.control.laws.law_problem import DesignProblem, ReferencePeaks
 from mrwork.errors import InvalidSettingError, SettingError
@@ -121,6 +122,9 @@ class _Found:
             case LawFileTable(file=str(file)), _:
                 path, where = self.folder / file, place.within("file")
                 self.on_python(f"{where}: running {path} as Python, for its function {table.function}")
+            case ProcessLaw(), _:
+                verb = "running" if table.program else "asking"
+                self.on_python(f"{place}: {verb} {table.place} for commands")
             case ControllerTable(), _:
                 self.settings.append(settings_of_law(table, place, self.folder))
             case Arguments(), ("target",):

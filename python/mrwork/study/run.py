@@ -53,7 +53,7 @@ def run_study(
         Repeat every run with half the integration step at the end, and compare.
     executor
         Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
-        have the same bits. By default this process does them, as always the runs of laws in Python.
+        have the same bits. By default this process does them, as always the runs of laws of the user.
 
     Raises
     ------

@@ -34,6 +34,7 @@ from mrwork.base.units import RATIOS, DriverUnit, number_in
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
@@ -414,8 +415,9 @@ class ControllerTable(Stated):
     relative to the study file. Forces, weights and slopes belong to all dampers of a [[damper]] together.
     """
 
-    law: str = key("name of the law; required without user", default="")
+    law: str = key("name of the law; required without user or process", default="")
     user: LawFileTable | None = optional("law in Python instead")
+    process: ProcessLaw | None = optional("law outside Python instead")
     label: str = key("label in tables; by default the title of the law", default="")
     settings: Mapping[str, Any] | None = optional("settings of the law", file=True)
     gain: tuple[tuple[float, ...], ...] | str | None = optional(
@@ -444,10 +446,16 @@ class ControllerTable(Stated):
         return math.inf if slope is None else slope
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
-        if self.user is None and not self.law:
-            yield (), "[[controller]] has no law; give the name of a law, or user for one in Python"
+        if self.user is None and self.process is None and not self.law:
+            yield (
+                (),
+                "[[controller]] has no law; give the name of a law, user for one in Python, or process for one outside "
+                "of it",
+            )
         owner, unread, shaping = self.law, list[str](), ["dead_zone", "command_slope"]
-        if self.user is not None:
+        if self.process is not None:
+            owner, unread = "a law outside Python", ["law", "user", "settings", "gain", *shaping]
+        elif self.user is not None:
             owner, unread = "a law in Python", ["law", "settings", "gain", *shaping]
         elif (constant := CONSTANT_LAWS.get(self.law)) is not None:
             unread = ["settings", "gain", *(shaping if constant.share is None else ())]

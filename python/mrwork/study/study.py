@@ -24,6 +24,7 @@ from mrwork.buildings.building_remarks import coordinate_remarks
 from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, joined_units, sends_forces
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
+from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.counterpart import is_curve
@@ -46,8 +47,8 @@ WEIGHT = "control_weight"
 """R of a regulator."""
 
 
-StudyLaw = ControlLaw | UserLaw
-"""A law of the registry, or one in Python."""
+StudyLaw = ControlLaw | UserLaw | ProcessLaw
+"""A law of the registry, or one of the user, in Python or outside of it."""
 
 
 @checked
@@ -192,7 +193,7 @@ class Arrangement:
     def __post_init__(self) -> None:
         if self.law is not None and self.devices:
             driven = commanded(self.devices)
-            law = self.law.placeholder(driven) if isinstance(self.law, UserLaw) else self.law
+            law = self.law if isinstance(self.law, ControlLaw) else self.law.placeholder(driven)
             law.gain_rows(len(driven), 2 * self.building.n_coordinates)
 
     @cached_property
@@ -396,7 +397,8 @@ class Study(Summarised):
 
     def check_readings(self) -> None:
         """Refuse settings of the hardware that no law reads."""
-        has_user_law = any(isinstance(arrangement.law, UserLaw) for arrangement in self.arrangements)
+        every = [arrangement.law for arrangement in self.arrangements]
+        sent = {reading for law in every if isinstance(law, UserLaw | ProcessLaw) for reading in law.readings}
         laws = [law for _, law in self.laws]
         tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
         needs_model = any(spec.needs_model for spec in tuned)
@@ -413,8 +415,8 @@ class Study(Summarised):
         with keyed("hardware"):
             refuse_unread(
                 self.hardware,
-                accelerations=has_user_law or needs_model or any(reads),
-                drifts=has_user_law,
+                accelerations="acceleration" in sent or needs_model or any(reads),
+                drifts="drift" in sent,
                 forecasts=forecasts,
             )
 
@@ -586,8 +588,10 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         inputs += [law.largest_force] * math.isfinite(law.largest_force)
         inputs += [] if law.curve is None else [law.curve[0], _digest(law.curve[1])]
         inputs += [] if law.model is None else [_digest_of_loop(law.model.building, law.model.devices)]
-    elif law is not None:
+    elif isinstance(law, UserLaw):
         inputs = [law.name, law.source, law.n_memory, law.rms_time]
+    elif law is not None:
+        inputs = [law.name, law.source]
     loop = _digest_of_loop(arrangement.building, arrangement.devices)
     return digest_of(loop, *inputs, *map(_digest_of_motion, motions))
 

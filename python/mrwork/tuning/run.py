@@ -86,7 +86,7 @@ def tune(
         Called with the progress after every generation; where it returns true the tuning is interrupted.
     executor
         Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
-        have the same bits. By default this process does them, and always the runs of laws in Python.
+        have the same bits. By default this process does them, and always the runs of laws of the user.
 
     Raises
     ------

@@ -1,0 +1,190 @@
+"""Links to a controller outside Python: a program over its stdin and stdout, or a UDP port.
+
+Only this module starts a program of the user or opens a socket (`tests/test_trust.py`). An answer begins with the
+number of its message, so that one that comes late is never taken for that of a later sample.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from contextlib import suppress
+from time import monotonic
+from typing import IO, Final
+
+from mrwork.errors import SettingError, reason_of
+
+NUMBER: Final = 8
+"""Bytes of a number."""
+# More than any answer, so that one read takes all there is.
+_CHUNK = 1 << 16
+# Time in which a program ends after its stdin did, before it is killed [s].
+_LEAVE = 1.0
+
+
+class LinkEndedError(Exception):
+    """The controller has ended, or nothing listens at its port; the text says which."""
+
+
+class Link(ABC):
+    """A controller that takes a message and gives an answer of `size` bytes."""
+
+    __slots__ = ("size", "strayed")
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        # The last answer that was not to its message.
+        self.strayed = b""
+
+    @abstractmethod
+    def exchange(self, message: bytes, seconds: float) -> bytes:
+        """The answer to a message: shorter or longer than `size` as it came, empty where none came in time.
+
+        Raises
+        ------
+        LinkEndedError
+            If the controller has ended.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the link, and the program."""
+
+
+def _wait(entry: int, event: int, until: float) -> bool:
+    """Whether an entry is ready before a time."""
+    watch = select.poll()
+    watch.register(entry, event)
+    return bool(watch.poll(max(0.0, until - monotonic()) * 1e3))
+
+
+class Pipe(Link):
+    """A program of the user, which this process starts and ends."""
+
+    __slots__ = ("_process", "_reader", "_writer")
+
+    def __init__(self, program: Sequence[str], size: int) -> None:
+        super().__init__(size)
+        if sys.platform == "win32":
+            raise SettingError(
+                "a controller over a pipe needs Linux or macOS; start it yourself, and give its UDP address"
+            )
+        try:
+            # In a session of its own, Ctrl-C reaches it by this process alone, and it is ended with all it has started.
+            self._process = subprocess.Popen(
+                [*program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
+            )
+        except OSError as error:
+            raise SettingError(
+                f"the program {program[0]} does not start: {reason_of(error)}; give an executable, with its folder or "
+                "found by the PATH, and its arguments each apart"
+            ) from error
+        self._writer, self._reader = (stream.fileno() for stream in self._streams)
+        os.set_blocking(self._writer, False)
+
+    @property
+    def _streams(self) -> tuple[IO[bytes], IO[bytes]]:
+        """The stdin and the stdout of the program."""
+        stdin, stdout = self._process.stdin, self._process.stdout
+        assert stdin is not None
+        assert stdout is not None
+        return stdin, stdout
+
+    def exchange(self, message: bytes, seconds: float) -> bytes:
+        """The answer to a message; those to earlier ones are dropped."""
+        until = monotonic() + seconds
+        if not self._write(message, until):
+            return b""
+        answer = b""
+        while _wait(self._reader, select.POLLIN, until):
+            read = os.read(self._reader, _CHUNK)
+            if not read:
+                raise self._ended()
+            answer += read
+            while len(answer) >= self.size:
+                if answer[:NUMBER] == message[:NUMBER]:
+                    return answer
+                self.strayed, answer = answer[: self.size], answer[self.size :]
+        return answer
+
+    def _write(self, message: bytes, until: float) -> bool:
+        """Whether the program took a message in time."""
+        while message:
+            try:
+                message = message[os.write(self._writer, message) :]
+            except BlockingIOError:
+                if not _wait(self._writer, select.POLLOUT, until):
+                    return False
+            except BrokenPipeError:
+                raise self._ended() from None
+        return True
+
+    def _ended(self) -> LinkEndedError:
+        try:
+            status = self._process.wait(_LEAVE)
+        except subprocess.TimeoutExpired:
+            return LinkEndedError("closed its stdin or stdout")
+        if status < 0:
+            return LinkEndedError(f"ended by signal {-status} ({signal.strsignal(-status)})")
+        return LinkEndedError(f"ended with status {status}")
+
+    def close(self) -> None:
+        """End the program: its stdin ends, and if it does not, it is killed with what it has started."""
+        stdin, stdout = self._streams
+        stdin.close()
+        try:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_LEAVE)
+        finally:
+            if self._process.poll() is None:
+                os.killpg(self._process.pid, signal.SIGKILL)
+                self._process.wait()
+            stdout.close()
+
+
+class UdpPort(Link):
+    """A controller at a UDP port, which somebody else has started: a message and an answer are a datagram each."""
+
+    __slots__ = ("_address", "_socket")
+
+    def __init__(self, address: tuple[str, int], size: int) -> None:
+        super().__init__(size)
+        self._address = "{}:{}".format(*address)
+        try:
+            found = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)
+            # A name may be that of both families, and controllers listen at the older one.
+            found.sort(key=lambda entry: entry[0] != socket.AF_INET)
+            family, kind, protocol, _, place = found[0]
+            self._socket = socket.socket(family, kind, protocol)
+            self._socket.connect(place)
+        except OSError as error:
+            raise SettingError(
+                f"there is no way to {self._address}: {reason_of(error)}; give a host and a port"
+            ) from error
+
+    def exchange(self, message: bytes, seconds: float) -> bytes:
+        """The answer to a message; datagrams to earlier ones are dropped."""
+        until = monotonic() + seconds
+        try:
+            self._socket.send(message)
+            while (left := until - monotonic()) > 0.0:
+                self._socket.settimeout(left)
+                answer = self._socket.recv(_CHUNK)
+                if len(answer) != self.size or answer[:NUMBER] == message[:NUMBER]:
+                    return answer
+                self.strayed = answer
+        except TimeoutError:
+            pass
+        except OSError as error:
+            raise LinkEndedError(f"is not reached at {self._address} ({reason_of(error)})") from error
+        return b""
+
+    def close(self) -> None:
+        """Leave the port; the controller goes on."""
+        self._socket.close()
