@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from c_programs import compiled, library, output_of
-from loop_samples import devices, five_storeys, law_with_gains, rd1005
+from loop_samples import devices, five_storeys, law_with_gains, rd1005, sweep
 from refusals import refusal
 
 import mrwork as mr
@@ -85,7 +86,9 @@ def test_a_printed_law_sends_the_commands_of_the_core_whatever_sensors_give(
     wanted = _rust.law_commands(loop, readings)[:, : loop.n_commanded]
     names = [f"{signal}[{entry}]" for signal, count in given.items() for entry in range(count)]
     read = np.ascontiguousarray(readings[:, [names.index(each.name) for each in source.inputs]])
-    files = {each: text for each, text in source.files.items() if "check" not in each} | {"drive.c": DRIVER}
+    files = {each: text for each, text in source.files.items() if each in ("law.c", "law.h")} | {
+        "drive.c": DRIVER
+    }
     functions, command = library(tmp_path, files), np.empty_like(wanted)
     ends = read.ctypes.data_as(ctypes.c_void_p), command.ctypes.data_as(ctypes.c_void_p)
     functions.drive(len(read), read.shape[1], loop.n_commanded, 1, *ends)
@@ -104,8 +107,30 @@ def test_its_program_checks_it(single: bool, tmp_path: Path) -> None:
     flavour = Flavour(single=single)
     law = mr.ControlLaw(name="passive", gains={"command": [0.5, 1.0]}) if single else law_of("inverse_direct")
     source = printed(law.name, loop_of(law.name, law=law), flavour, law=law)
+    files = {name: text for name, text in source.files.items() if "process" not in name}
     sanitized = "-fsanitize=undefined,address", "-fno-sanitize-recover"
-    assert output_of(compiled(tmp_path, source.files, *sanitized)).startswith("0 of 2000 commands differ")
+    assert output_of(compiled(tmp_path, files, *sanitized)).startswith("0 of 2000 commands differ")
+
+
+@pytest.mark.parametrize("name", ["modified_clipped_optimal", "inverse_direct"])
+def test_as_a_process_it_sends_the_commands_of_the_law_in_the_loop(name: str, tmp_path: Path) -> None:
+    law, motion = law_of(name), sweep(0.5)
+    hardware = replace(OBSERVED, acceleration_noise=0.01, force_noise=1.0, delay=2e-3)
+    source = printed(name, loop_of(name, hardware, law), law=law)
+    program = compiled(tmp_path, {each: text for each, text in source.files.items() if "check" not in each})
+    outside = mr.closed_loop.ProcessLaw(
+        name="law",
+        program=[str(program)],
+        readings=["acceleration", "ground_acceleration", "deformation", "force"],
+    )
+    mine, own = (
+        mr.simulate_loop(
+            five_storeys(), devices(rd1005()), each, [motion], hardware, histories=True
+        ).histories[0]
+        for each in (outside, law)
+    )
+    np.testing.assert_array_equal(mine.command, own.command)
+    assert np.ptp(own.command) > 0.5
 
 
 @pytest.mark.parametrize("name", NOT_PRINTED)

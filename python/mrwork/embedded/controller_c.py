@@ -10,6 +10,7 @@ from mrwork import _rust
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.closed_loop.printed_loop import PrintedLoop
+from mrwork.closed_loop.user_law import READINGS
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.embedded.c_source import CSource, Flavour, Signal, comment
 
@@ -37,7 +38,7 @@ def controller_source(
     unit: str,
     origin: Sequence[str] = (),
 ) -> CSource:
-    """The C of the controller of a loop: NAME.h, NAME.c, and NAME_check.c with a test.
+    """The C of the controller of a loop: NAME.h, NAME.c, NAME_check.c with a test, and NAME_process.c for a loop.
 
     `places` are the names of floors, measured storeys and devices, `unit` is of the commands, and `origin` are
     sentences on where the gains are from.
@@ -112,6 +113,7 @@ def controller_source(
             f"{name}.h": flavour.fill("controller.h", **words),
             f"{name}.c": flavour.fill("controller.c", **words),
             f"{name}_check.c": _check(name, loop, read, given, flavour),
+            **_process(name, loop, read, n_all, flavour),
         },
         inputs=inputs,
         outputs=tuple(
@@ -207,6 +209,34 @@ def _observer(name: str, loop: PrintedLoop, n_all: int, n_drifts: int, flavour: 
     )
 
 
+def _filled(read: dict[str, int], row: str, flavour: Flavour) -> str:
+    """Statements that fill an input from a row, from a column on."""
+    statements = "".join(
+        f"        for (int entry = 0; entry < {count}; ++entry)\n"
+        f"            input.{signal}[entry] = ({flavour.real}){row}[column++];\n"
+        for signal, count in read.items()
+    )
+    return statements or "        memset(&input, 0, sizeof input);\n"
+
+
+def _process(
+    name: str, loop: PrintedLoop, read: dict[str, int], n_all: int, flavour: Flavour
+) -> dict[str, str]:
+    """A program that a loop can have as a law; none where it is told of fewer devices than the observer counts."""
+    if n_all != loop.n_commanded:
+        return {}
+    sent = {reading: read[reading] for reading in READINGS if reading in read}
+    text = flavour.fill(
+        "controller_process.c",
+        name=name,
+        names=", ".join(f'"{reading}"' for reading in sent),
+        width=sum(sent.values()),
+        n_devices=loop.n_commanded,
+        filled=_filled(sent, "in", flavour),
+    )
+    return {f"{name}_process.c": text}
+
+
 def readings_of_check(given: dict[str, int]) -> Floats:
     """Readings at samples, shape (n_samples, n_readings), of all signals that a controller is given."""
     rng = np.random.default_rng(0)
@@ -232,11 +262,7 @@ def _check(
     ]
     columns = np.concatenate([readings[:, [place for part in shown for place in part]], commands], axis=1)
     rows = ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in columns.tolist())
-    filled = "".join(
-        f"        for (int entry = 0; entry < {count}; ++entry)\n"
-        f"            input.{signal}[entry] = ({flavour.real})samples[i][column++];\n"
-        for signal, count in read.items()
-    )
+    filled = _filled(read, "samples[i]", flavour)
     largest = float(np.abs(commands).max())
     return flavour.fill(
         "controller_check.c",
@@ -245,6 +271,6 @@ def _check(
         width=columns.shape[1],
         n_devices=loop.n_commanded,
         rows=rows,
-        filled=filled or "        memset(&input, 0, sizeof input);\n",
+        filled=filled,
         tolerance=repr(flavour.share * largest),
     )

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 /* Readings, in the order of the header, then commands. */
 static const double samples[$n_samples][$width] = {
