@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -36,11 +36,3 @@ def output_of(program: Path, *before: str) -> str:
 def library(folder: Path, files: Mapping[str, str], *options: str) -> ctypes.CDLL:
     """The functions of printed C."""
     return ctypes.CDLL(str(compiled(folder, files, "-shared", "-fPIC", *options)))
-
-
-def fields(*named: tuple[str, type | int]) -> Sequence[tuple[str, type]]:
-    """Fields of a struct: numbers, arrays of that many, or other types."""
-    return [
-        (name, kind * ctypes.c_double if isinstance(kind, int) else kind)  # type: ignore[operator]
-        for name, kind in named
-    ]

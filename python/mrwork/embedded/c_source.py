@@ -9,6 +9,7 @@ from functools import cache
 from importlib.resources import files
 from math import isfinite, isnan
 from string import Template
+from textwrap import wrap
 from typing import Final, Literal
 
 from mrwork import _rust
@@ -21,6 +22,7 @@ _TAKEN = frozenset({
     "short", "signed", "sizeof", "sqrt", "static", "struct", "switch", "tanh", "typedef", "union", "unsigned", "void",
     "volatile", "while", "fma",
 })  # fmt: skip
+_WIDTH = 116
 USUAL_SAMPLE_TIME: Final = 1e-3
 """Time between two samples of a rig's controller where none is given [s]."""
 
@@ -39,7 +41,7 @@ class Signal:
 class CSource:
     """Printed code: `name` begins every name of it, `files` have their texts by name.
 
-    A controller has no states of its own that others could integrate.
+    A controller has no states of its own that others could integrate. `notes` are sentences for who runs it.
     """
 
     name: str
@@ -53,6 +55,7 @@ class CSource:
     is_lagged: bool
     sample_time: float
     substeps: int
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +134,6 @@ def c_names(texts: Sequence[str]) -> list[str]:
 
 
 def comment(lines: Iterable[str]) -> str:
-    """Lines as those of a comment."""
-    parts = (part for line in lines for part in line.split("\n"))
+    """Lines as those of a comment, none too long to read beside the code."""
+    parts = (part for line in lines for part in wrap(line, _WIDTH) or [""])
     return "\n".join(f" * {part}".rstrip() for part in parts).replace("*/", "* /")

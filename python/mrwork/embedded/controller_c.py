@@ -28,6 +28,12 @@ _SIGNALS: dict[str, tuple[str, float, float, str]] = {
 }
 
 
+_OF_STATE = (
+    'It reads displacements and velocities of the building, which no sensor gives; with feedback = "observer" of the '
+    "hardware it estimates them."
+)
+
+
 def controller_source(
     name: str,
     loop: PrintedLoop,
@@ -69,6 +75,9 @@ def controller_source(
         "call. Rounding to nearest.",
         f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
     ]
+    of_state = {"displacement", "velocity"} & read.keys()
+    notes = (_OF_STATE,) if of_state else ()
+    head[2:2] = notes
     real = flavour.real
     words = {
         "name": name,
@@ -125,6 +134,7 @@ def controller_source(
         is_lagged=False,
         sample_time=sample_time,
         substeps=1,
+        notes=notes,
     )
 
 

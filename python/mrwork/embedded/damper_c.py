@@ -80,15 +80,18 @@ def damper_source(
     )
     off = samples.force - exact.force[0]
     percent = 100.0 * float(np.sqrt(np.mean(off**2)) / np.sqrt(np.mean(exact.force[0] ** 2)))
+    straight = (
+        f"Between samples the motion is straight: at {of_unit(sample_time, 's')} the force of this damper differs by "
+        f"{percent:.2g} % rms from the one under a smooth motion through the same samples, and by "
+        f"{100.0 * float(np.abs(off).max() / np.abs(exact.force[0]).max()):.2g} % of the largest at kinks."
+    )
     head = [
         *spec.equation.split("\n"),
         "",
         *origin,
         f"Tested: {tested.in_words}",
         f"Source of the model: {spec.source}",
-        f"Between samples the motion is straight: at {of_unit(sample_time, 's')} the force of this damper differs by "
-        f"{percent:.2g} % rms from the one under a smooth motion through the same samples, and by "
-        f"{100.0 * float(np.abs(off).max() / np.abs(exact.force[0]).max()):.2g} % of the largest at kinks.",
+        straight,
         f"Compile: cc -std=c99 -O2 -ffp-contract=off {name}.c {name}_check.c -lm; on x86 with -mfma, or fma is a slow "
         "call. Rounding to nearest.",
         f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
@@ -141,6 +144,7 @@ def damper_source(
         is_lagged=spec.lagged,
         sample_time=sample_time,
         substeps=substeps,
+        notes=(straight,),
     )
 
 

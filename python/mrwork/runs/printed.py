@@ -24,11 +24,6 @@ from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.trials import designed
 
-_OF_STATE = (
-    "Displacements and velocities of the building, where the law reads them, are given by no sensor; with feedback = "
-    '"observer" of the hardware the printed controller estimates them.'
-)
-
 
 def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None) -> CSource:
     """The C of the damper of a fit; what the records add to its force is left out, and told in the head."""
@@ -72,7 +67,6 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
     )
     law, arrangement = printable[label or ""]
     building, devices = arrangement.building, arrangement.devices
-    states = (_OF_STATE,) if study.hardware.feedback == "state" else ()
     storeys = [building.storey_names[storey] for storey in study.hardware.measured_storeys]
     return controller_source(
         c_name(name),
@@ -81,7 +75,7 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
         {"floor": building.floor_names, "storey": storeys, "device": [device.name for device in devices]},
         flavour,
         unit="N" if law.spec.commands_force else study.command_unit,
-        origin=(f"Study: {study.title}; law: {label}", *states, *law.notes),
+        origin=(f"Study: {study.title}; law: {label}", *law.notes),
     )
 
 
@@ -111,10 +105,9 @@ def in_words(source: CSource, to: Literal["c", "fmu"]) -> str:
         if source.kind == "damper"
         else ""
     )
-    text = f"{source.description}: {steps}a sample of {of_unit(source.sample_time, 's')}"
-    of_state = any(each.name.startswith(("displacement[", "velocity[")) for each in source.inputs)
-    if of_state:
-        text += f"\n{_OF_STATE}"
+    lines = [f"{source.description}: {steps}a sample of {of_unit(source.sample_time, 's')}", *source.notes]
     if to == "fmu" and c_compiler() is None:
-        text += "\nThere is no C compiler here: the FMUs have sources and no binary, and the importer compiles them."
-    return text
+        lines.append(
+            "There is no C compiler here: the FMUs have sources and no binary, and the importer compiles them."
+        )
+    return "\n".join(lines)
