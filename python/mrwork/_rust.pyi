@@ -19,6 +19,8 @@ __all__ = [
     "control_laws",
     "current_laws",
     "damper_specs",
+    "damper_text",
+    "elementary_functions",
     "flops_per_step",
     "fma_peak",
     "force",
@@ -26,6 +28,9 @@ __all__ = [
     "history_signals",
     "instruction_set",
     "instruction_sets",
+    "law_commands",
+    "law_readings",
+    "law_text",
     "misfits",
     "rate",
     "respond",
@@ -33,6 +38,7 @@ __all__ = [
     "run_quantities",
     "sensitivities",
     "stiffness_shares",
+    "straight_forces",
     "xla_handler",
 ]
 
