@@ -25,6 +25,8 @@ _COMMANDS = (0.0, 1.0, 0.25, 0.7)
 _HELD = 125
 # Multiple of a tested range beyond which a reading is not believed.
 _BELIEVED = 10.0
+# Elongation that is believed at least [m].
+_ANYWHERE = 1.0
 
 
 @array_dataclass()
@@ -97,7 +99,13 @@ def damper_source(
         f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
     ]
     n_params = len(spec.without_laws.parameters)
-    limits = (tested.stroke, tested.velocity, max(map(abs, tested.command or (0.0,)), default=0.0))
+    command = max(map(abs, tested.command or (1.0,)))
+    # The origin of the elongation is anywhere.
+    limits = (
+        max(_BELIEVED * tested.stroke, _ANYWHERE),
+        _BELIEVED * tested.velocity,
+        _BELIEVED * (command or 1.0),
+    )
     words = {
         "name": name,
         "macro": name.upper(),
@@ -118,7 +126,7 @@ def damper_source(
         "values": "\n".join(
             f"    {flavour.number(each.value or 0.0)},  /* {each.name} */" for each in parameters
         ),
-        "limits": ", ".join(flavour.number(_BELIEVED * (limit or 1.0)) for limit in limits),
+        "limits": ", ".join(map(flavour.number, limits)),
         "take": "" if spec.lagged else f"    {name}_carry(m, to.command);\n",
         **flavour.preamble(calls=text["calls"]),
         **text,
