@@ -13,7 +13,9 @@ from mrwork.errors import SettingError
 from mrwork.identification import effects
 from mrwork.identification.commands import excerpts_at
 from mrwork.identification.problem import Problem
+from mrwork.identification.sliders import Sliders
 from mrwork.records import DamperTest, Observation
+from mrwork.records.observation import EFFECTS
 
 SPEC = mr.damper("static_hysteretic")
 DAMPING = SPEC.names.index("c")
@@ -137,7 +139,7 @@ def test_few_tests_say_that_effects_would_take_most_of_the_misfit_away() -> None
     assert hidden.value > fit.fit_percent + 5.0
 
 
-def sliding(frequency: float, amplitude: float) -> DamperTest:
+def sliding(frequency: float, amplitude: float, mass: float = 0.0, delay: float = 0.0) -> DamperTest:
     """Twelve sliders of 400 N in all, 1.5 kN s/m and 2.5 kN/m, which is none of our models, with noise of 3 N."""
     time = np.arange(0.0, 3.0 / frequency, DT)
     omega = 2.0 * np.pi * frequency
@@ -146,8 +148,66 @@ def sliding(frequency: float, amplitude: float) -> DamperTest:
     for index, step in enumerate(np.diff(x, prepend=0.0)):
         state = np.clip(state + step / slip, -1.0, 1.0)
         force[index] = 400.0 * state.mean()
-    force += 1500.0 * v + 2500.0 * x + 3.0 * np.random.default_rng(0).standard_normal(time.size)
+    force += 1500.0 * v + (2500.0 - mass * omega**2) * x
+    force = np.interp(time - delay, time, force) + 3.0 * np.random.default_rng(0).standard_normal(time.size)
     return mr.test_from_arrays(time, x, force, velocity=v, name=f"{frequency:g} Hz")
+
+
+def slid(mass: float, delay: float) -> list[DamperTest]:
+    motions = ((0.5, 0.012), (1.0, 0.006), (2.0, 0.009), (3.0, 0.005))
+    return [sliding(*motion, mass, delay) for motion in motions]
+
+
+@pytest.mark.parametrize("model", ["normalised_bouc_wen", "static_hysteretic"])
+def test_a_mass_beside_a_delay_is_told_whatever_model_is_fitted(model: str) -> None:
+    # The second describes 69 % of the force.
+    (told,) = advice(mr.identify(model, slid(40.0, 0.006), threads=1))
+    assert told.words in (("mass", "lag"), ("mass", "delay"))
+    assert (size := told.measured) is not None
+    assert abs(size.value - 40.0) < 3.0 * (size.standard_error or 0.0) < 20.0
+    assert "--observe weigh" in told.message
+    (late,) = advice(mr.identify(model, slid(0.0, 0.006), threads=1))
+    assert late.measured is not None
+    assert late.words in (("lag",), ("delay",))
+    assert abs(late.measured.value - 0.006) < 3.0 * (late.measured.standard_error or 0.0) < 0.006
+    assert not advice(mr.identify(model, slid(0.0, 0.0), threads=1))
+
+
+def test_what_sliders_tell_is_held_with_its_error_in_the_fit_that_weighs() -> None:
+    tests = slid(40.0, 0.006)
+    (told,) = advice(mr.identify("normalised_bouc_wen", tests, threads=1))
+    clean = mr.identify("normalised_bouc_wen", slid(0.0, 0.0), threads=1).parameters["k"]
+    weighed = mr.identify("normalised_bouc_wen", tests, observe=["detect", "weigh"], threads=1)
+    mass, _ = weighed.effects
+    assert told.measured is not None
+    assert (mass.value, mass.standard_error) == pytest.approx(
+        (told.measured.value, told.measured.standard_error)
+    )
+    given = [f"{each.name.removeprefix('force_')}={each.value!r}" for each in weighed.effects]
+    known = mr.identify("normalised_bouc_wen", tests, observe=["detect", *given], threads=1).parameters["k"]
+    k = weighed.parameters["k"]
+    assert k.value == pytest.approx(known.value, rel=0.02)
+    assert abs(k.value - clean.value) < 3.0 * (k.standard_error or 0.0)
+    # A stiffness that counts the error of the mass is known worse.
+    assert (k.standard_error or 0.0) > (known.standard_error or 0.0) > 0.0
+
+
+def test_sliders_are_told_the_given_observation_of_a_test() -> None:
+    mass, delay = EFFECTS["mass"], EFFECTS["delay"]
+    (found,) = Sliders.of(slid(40.0, 0.0)).fit((mass,)).values
+    given = [replace(test, observation=Observation(mass=40.0)) for test in slid(40.0, 0.006)]
+    left, seconds = Sliders.of(given).fit((mass, delay)).values
+    # Four tests with friction of other lengths than that of the sliders tell 3 kg of a mass.
+    assert (found, left) == (pytest.approx(40.0, abs=3.0), pytest.approx(0.0, abs=3.0))
+    assert seconds == pytest.approx(0.006, abs=1e-3)
+
+
+def test_a_mass_at_one_frequency_is_noted_beside_the_stiffness_that_it_takes_away() -> None:
+    fit = mr.identify("normalised_bouc_wen", [sliding(3.0, 0.012)], threads=1)
+    (note,) = [each for each in fit.remarks if each.code == "mass_as_stiffness"]
+    assert (note.words, note.severity) == (("k",), "note")
+    percent = 100.0 * 20.0 * (6.0 * np.pi) ** 2 / abs(fit.parameters["k"].value)
+    assert f"would move k by about {percent:.0f} %" in note.message
 
 
 def test_a_mass_that_tests_do_not_tell_is_said_with_what_it_would_do_to_the_stiffness() -> None:

@@ -13,7 +13,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 import mrwork as mr
 from mrwork.records.checks import detect_average, detect_smoothing
-from mrwork.records.motion import Differentiator, savitzky_golay, weights
+from mrwork.records.motion import Differentiator, savitzky_golay, smooth_motion, weights
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
 
 Samples = NDArray[np.float64]
@@ -201,3 +201,16 @@ def test_its_velocity_is_about_as_good_as_that_of_the_best_cubic_window(
 def test_each_part_of_a_record_has_about_the_velocity_of_its_own_best_window(part: slice) -> None:
     derived, least = errors("slow, then fast", 1000, 1e-5, 1e-7, part)
     assert derived <= least
+
+
+@pytest.mark.parametrize(("frequency", "rate"), [(0.5, 50.0), (1.0, 500.0), (2.5, 500.0), (4.0, 1000.0)])
+def test_the_acceleration_is_as_large_as_that_of_the_motion(frequency: float, rate: float) -> None:
+    omega, time = 2.0 * np.pi * frequency, np.arange(0.0, 4.0 / frequency, 1.0 / rate)
+    displacement = 0.008 * np.sin(omega * time)
+    noise = 5e-6 * np.random.default_rng(0).standard_normal(time.size)
+    inner = slice(time.size // 8, -(time.size // 8))
+    true = -(omega**2) * displacement[inner]
+    derived = smooth_motion(displacement + noise, 1.0 / rate).acceleration[inner]
+    # A force m a is as wrong as this, and a mass that is found by it.
+    assert derived @ true / (true @ true) == pytest.approx(1.0, abs=2e-3)
+    assert np.std(derived - true) < 0.006 * np.std(true)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box, bound_at
@@ -65,20 +65,12 @@ class Slopes:
         """Effective samples less the share that the free parameters take."""
         return self.n_effective * max(1.0 - len(self.by_free) / self.residuals.size, 0.0)
 
-    def normal(self, parts: NDArray[np.intp] | None = None) -> NormalEquations:
-        """Normal equations of one row in the free parameters; the shares of the tests are in them.
-
-        They are of tests, or of the part that has the number of each residual in `parts`, (n_residuals,).
-        """
-        if parts is None:
-            counts = [test.n_counted for test in self.objective.tests]
-            parts = np.repeat(np.arange(len(counts)), counts)
-        rows = []
-        for part in parts == np.arange(parts.max() + 1)[:, None]:
-            residuals, slope = self.residuals[part], self.by_free[:, part]
-            rows.append((residuals @ residuals, slope @ residuals, slope @ slope.T))
-        squared, gradient, matrix = (np.array(entries)[None] for entries in zip(*rows, strict=True))
-        return NormalEquations(squared=squared, gradient=gradient, matrix=matrix)
+    def normal(self) -> NormalEquations:
+        """Normal equations of one row in the free parameters; the shares of the tests are in them."""
+        counts = [test.n_counted for test in self.objective.tests]
+        return NormalEquations.of_parts(
+            self.residuals, self.by_free, np.repeat(np.arange(len(counts)), counts)
+        )
 
     def by_interior(self) -> Floats:
         """Derivatives by the parameters that are not on a bound, shape (n_interior, n_residuals)."""

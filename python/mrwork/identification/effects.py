@@ -5,8 +5,9 @@ At one frequency these are changes of stiffness and damping, which a fit absorbs
 determine tau and m. They pay where fits to the other tests, or to other parts of the time of a record of several
 frequencies, predict each better with them, and the model describes enough to tell them. These fits are single
 Gauss-Newton steps from the fit to all tests, which predicted synthetic and measured rigs as well as minimisations did
-(DECISIONS.md, "A mass and a lag that all tests have in common are judged by tests that are predicted"). A record alone
-shows a late force by its corners at reversals, see `delay_remark`.
+(DECISIONS.md, "A mass and a lag that all tests have in common are judged by tests that are predicted"). Sliders and
+dashpots in the place of the model are weighed beside it, and decide where they predict better. A record alone shows a
+late force by its corners at reversals, see `delay_remark`.
 """
 
 from __future__ import annotations
@@ -29,8 +30,14 @@ from mrwork.identification.fit import STRUCTURE, FittedParameter
 from mrwork.identification.indistinct import SAME_FREQUENCY, are_at_one_frequency, frequency_ranges
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
 from mrwork.identification.minimise.polish import FinalFit
-from mrwork.identification.objective import Objective, linearise_residuals, observe_tests_by
+from mrwork.identification.objective import (
+    NormalEquations,
+    Objective,
+    linearise_residuals,
+    observe_tests_by,
+)
 from mrwork.identification.problem import Problem, pooled_commands, with_free
+from mrwork.identification.sliders import COARSE, RIDGE, SliderFit, Sliders
 from mrwork.identification.suspicious import force_noise
 from mrwork.records import DamperTest
 from mrwork.records.motion import spectrum
@@ -45,6 +52,10 @@ _MASS, _DELAY, _LAG = (EFFECTS[name] for name in ("mass", "delay", "lag"))
 _WORTH_A_FIT = 0.04
 _PAYS = 0.95
 _SIGNIFICANT = 4.0
+# Errors by sliders count what a number of elements decides, and those of a model do not.
+_SIGNIFICANT_BY_SLIDERS = 3.0
+# Share of a mass by which gains of load cell and displacement, and the acceleration that follows from it, are wrong.
+_GAIN = 0.01
 _SIMPLER = 0.95
 # Misfit of a wrong model, of its predictions and fits, which takes effects for what it lacks, unless these lower that
 # of its predictions to this share. Where effects lower the misfit as far, but are not significant, the remark says so.
@@ -61,6 +72,8 @@ _LARGE = 0.1
 _FAR = 5.0
 # Share by which the misfits of a delay and of a lag may differ where the remark names both.
 _ALIKE = 0.02
+# Share by which misfits of predictions may differ where the error of a mass counts what both fits say of it.
+_ABOUT = 0.05
 _IT: Final = {1: "it", 2: "both"}
 _UNKNOWN_DELAY: Final = RemarkKind(
     "delay_unknown",
@@ -74,6 +87,13 @@ _UNKNOWN_MASS: Final = RemarkKind(
     "{errors:.0f} times its standard error, and these tests do not tell it",
     "weigh what moves there and give it by --observe mass=KG, or test at higher frequencies",
 )
+# A note: most dampers are tested at a frequency at a time, and nothing says that a mass moves.
+_MASS_AS_STIFFNESS: Final = RemarkKind(
+    "mass_as_stiffness",
+    "tests at one frequency do not tell a mass between damper and load cell from the stiffness: one of {value:.2g} kg "
+    "would move {0} by about {percent:.0f} %, {errors:.0f} times its standard error, so weigh what moves there and "
+    "give it by --observe mass=KG, or add a test at another frequency",
+)
 # Where a fit is linear, a mass of zero is on no bound.
 _ANY_MASS = replace(_MASS, free=(-5e3, 5e3))
 _SETS: Final[tuple[Effects, ...]] = ((_LAG,), (_DELAY,), (_MASS,), (_MASS, _LAG), (_MASS, _DELAY))
@@ -82,16 +102,28 @@ _SETS: Final[tuple[Effects, ...]] = ((_LAG,), (_DELAY,), (_MASS,), (_MASS, _LAG)
 def fit_effects(fit: FinalFit) -> FinalFit:
     """Fit the free effects of its settings, or those that pay, with all other parameters, from a fit without them.
 
-    The tests of its problem have them. Errors of the effects count what the model cannot describe: leaving out tests
-    moves the effects by that. Errors of the parameters count how far these follow.
+    Effects that sliders tell are held at what these found. The tests of its problem have them. Errors of the effects
+    count what the model cannot describe: leaving out tests moves the effects by that. Errors of the parameters count
+    how far these follow.
     """
     problem, effects = fit.problem, fit.problem.settings.free_effects
-    if not effects and WEIGH in problem.settings.observe and (found := _weigh(problem, fit.covariance)):
-        effects = found.best.effects if found.best else ()
-        fit = replace(fit, remarks=(*fit.remarks, found.remark(_FITTED)))
+    known: FitWithEffects | None = None
+    if not effects and WEIGH in problem.settings.observe:
+        weighed = _weigh(problem, fit.covariance)
+        if weighed and weighed.is_told:
+            effects = weighed.best.effects if weighed.best else ()
+            known = weighed.best if weighed.by_sliders else None
+            fit = replace(fit, remarks=(*fit.remarks, weighed.remark(_FITTED)))
     if not effects:
         return fit
-    (fitted,) = _fit_with(problem.objective, problem.form, [effects], fit.theta, tolerance=TOLERANCE)
+    (fitted,) = _fit_with(
+        problem.objective,
+        problem.form,
+        [effects],
+        fit.theta,
+        tolerance=TOLERANCE,
+        held=known.values if known else None,
+    )
     n_own = fit.theta.size
     values = dict(zip(effects, fitted.theta[n_own:].tolist(), strict=True))
     settings = problem.settings.with_effects(values)
@@ -101,7 +133,8 @@ def fit_effects(fit: FinalFit) -> FinalFit:
     )
     problem = replace(problem, settings=settings, objective=replace(objective, settings=settings))
     covariance, box = Covariance.of(fitted), fitted.form.box
-    errors = FitWithEffects.of(fitted, effects, _frequency_groups(objective.tests)).errors
+    by_fit = known or FitWithEffects.of(fitted, effects, _frequency_groups(objective.tests))
+    errors = by_fit.errors
     own = replace(
         covariance,
         slopes=Slopes.at(objective, problem.form, fitted.theta[:n_own]),
@@ -140,11 +173,18 @@ def _with_errors(matrix: Floats, errors: Floats) -> Floats:
 
 
 def _fit_with(
-    objective: Objective, form: Form, sets: Sequence[Effects], theta: Floats, *, tolerance: float = 1e-4
+    objective: Objective,
+    form: Form,
+    sets: Sequence[Effects],
+    theta: Floats,
+    *,
+    tolerance: float = 1e-4,
+    held: Floats | None = None,
 ) -> list[Slopes]:
     """Fit with each of several sets of free effects, from parameters `theta`, (n_params,), and what a test has given.
 
-    The fits are one batch: few candidates take as long to simulate as one.
+    The fits are one batch: few candidates take as long to simulate as one. The effects of a single set may be `held`
+    at values, (n_effects,).
     """
     if not sets:
         return []
@@ -155,12 +195,16 @@ def _fit_with(
     # At zero, its bound, a lag has no slope.
     least = [test.dt if effect is _LAG else 0.0 for effect in every]
     starts = np.where(free & (np.array(given) == 0.0), least, given)
+    if held is not None:
+        starts[free] = held
     joint, joint_form = with_free(objective, form, every)
     minima = find_minima(
         joint,
         joint_form.box,
         np.hstack([np.tile(theta, (len(sets), 1)), starts]),
-        held=np.hstack([np.zeros((len(sets), len(form.box.free)), dtype=np.bool_), ~free]),
+        held=np.hstack(
+            [np.zeros((len(sets), len(form.box.free)), dtype=np.bool_), ~free | (held is not None)]
+        ),
         max_iterations=50,
         tolerance=tolerance,
     )
@@ -184,39 +228,72 @@ def _fit_with(
 
 @array_dataclass()
 class FitWithEffects:
-    """A fit with free effects: their values and errors, (n_effects,), and the misfit with which it predicts groups."""
+    """A fit with free effects: their values and errors, (n_effects,), its misfit and that of parts that it predicts.
+
+    Misfits are root mean squares of the NRMSE. The parameters of a model are `theta`, (n_params,); sliders have none.
+    """
 
     effects: Effects
-    slopes: Slopes
+    values: Floats
     errors: Floats
+    misfit: float
     predicted: float
+    theta: Floats | None = None
 
     @classmethod
     def of(cls, slopes: Slopes, effects: Effects, groups: NDArray[np.intp]) -> FitWithEffects:
-        """Errors are the largest of least squares and of jackknifes over parts of the tests."""
-        steps, predicted = _predict_parts(slopes, groups)
-        errors = Covariance.of(slopes).standard_errors[-len(effects) :]
+        """Fit of a model; errors are the largest of least squares and of jackknifes over parts of the tests."""
+        tests, n_effects = slopes.objective.tests, len(effects)
+        steps, predicted = _predict_parts(tests, slopes.residuals, slopes.by_free, groups, held=_held(slopes))
+        errors = Covariance.of(slopes).standard_errors[-n_effects:]
         errors = np.where(errors > 0.0, errors, np.inf)
         for without in steps:
-            last = without[:, -len(effects) :]
-            spread = np.sum((last - last.mean(axis=0)) ** 2, axis=0)
-            errors = np.maximum(errors, np.sqrt((1.0 - 1.0 / len(last)) * spread))
-        return cls(effects=effects, slopes=slopes, errors=errors, predicted=predicted)
+            errors = np.maximum(errors, _jackknife(without[:, -n_effects:]))
+        values = slopes.theta[-n_effects:]
+        return cls(
+            effects=effects,
+            values=values,
+            errors=_with_gain(effects, values, errors),
+            misfit=float(np.linalg.norm(slopes.residuals)),
+            predicted=predicted,
+            theta=slopes.theta[:-n_effects],
+        )
+
+    @classmethod
+    def by_sliders(cls, fit: SliderFit, effects: Effects, groups: NDArray[np.intp]) -> FitWithEffects:
+        """Fit of sliders; squared errors are the sum of those of jackknifes over tests and sizes of the force."""
+        steps, predicted = _predict_parts(fit.tests, fit.residuals, fit.by_free, groups, ridge=RIDGE)
+        of_tests, of_sizes = (
+            _jackknife(without[:, without.shape[1] - len(effects) :]) for without in steps[:2]
+        )
+        return cls(
+            effects=effects,
+            values=fit.values,
+            errors=_with_gain(effects, fit.values, np.hypot(of_tests, of_sizes)),
+            misfit=float(np.linalg.norm(fit.residuals)),
+            predicted=predicted,
+        )
 
     @property
     def is_significant(self) -> bool:
-        """Whether all effects exceed several standard errors."""
-        return bool(np.all(np.abs(self.values) > _SIGNIFICANT * self.errors))
+        """Whether all effects exceed several standard errors, and the mass is none that cannot be."""
+        limit = _SIGNIFICANT if self.theta is not None else _SIGNIFICANT_BY_SLIDERS
+        is_mass = self.effects[:1] == (_MASS,)
+        return bool(np.all(np.abs(self.values) > limit * self.errors)) and not (
+            is_mass and self.values[0] <= 0.0
+        )
 
-    @property
-    def values(self) -> Floats:
-        """Values of the effects, (n_effects,)."""
-        return self.slopes.theta[-len(self.effects) :]
 
-    @property
-    def misfit(self) -> float:
-        """Root mean square of the NRMSE."""
-        return float(np.linalg.norm(self.slopes.residuals))
+def _with_gain(effects: Effects, values: Floats, errors: Floats) -> Floats:
+    """Errors of effects, (n_effects,), that of a mass with the errors of gains."""
+    gains = np.array([_GAIN if effect is _MASS else 0.0 for effect in effects])
+    return np.hypot(errors, gains * values)
+
+
+def _jackknife(steps: Floats) -> Floats:
+    """Standard errors, (n_free,), of steps without each part, (n_parts, n_free)."""
+    spread = np.sum((steps - steps.mean(axis=0)) ** 2, axis=0)
+    return np.asarray(np.sqrt((1.0 - 1.0 / len(steps)) * spread))
 
 
 def _frequency_groups(tests: Sequence[DamperTest]) -> NDArray[np.intp]:
@@ -227,28 +304,39 @@ def _frequency_groups(tests: Sequence[DamperTest]) -> NDArray[np.intp]:
     return np.asarray(numbers[np.argsort(order)])
 
 
-def _predict_parts(slopes: Slopes, groups: NDArray[np.intp]) -> tuple[list[Floats], float]:
+def _predict_parts(
+    tests: Sequence[DamperTest],
+    residuals: Floats,
+    by_free: Floats,
+    groups: NDArray[np.intp],
+    *,
+    held: NDArray[np.bool_] | None = None,
+    ridge: float = 0.0,
+) -> tuple[list[Floats], float]:
     """Steps of the parameters without parts of the tests, (n_parts, n_free), and misfit of the parts after them.
 
     Parts are the tests, of one group parts of their time, which are predicted. Others are those by the size of the
     force, and the `groups` of tests at a frequency, (n_tests,), where there are several: what a model lacks is alike in
-    all tests, and few of them do not show it.
+    all tests, and few of them do not show it. Residuals are (n_residuals,), derivatives (n_free, n_residuals).
     """
     parts, sizes = list[NDArray[np.intp]](), list[NDArray[np.intp]]()
     each = 1 if groups.any() else ceil(_PARTS / groups.size)
-    for index, test in enumerate(slopes.objective.tests):
+    for index, test in enumerate(tests):
         n_time, size = test.n_counted, np.argsort(np.argsort(np.abs(test.force[test.counted])))
         parts.append(index * each + np.arange(n_time) * each // n_time)
         sizes.append(size * _PARTS // n_time)
-    normal = slopes.normal(np.concatenate(parts) * _PARTS + np.concatenate(sizes))
+    normal = NormalEquations.of_parts(
+        residuals, by_free, np.concatenate(parts) * _PARTS + np.concatenate(sizes)
+    )
     of_part, of_size = np.divmod(np.arange(normal.squared.size), _PARTS)
     divisions = [of_part, of_size]
     if groups.max() >= _PARTS - 1:
         divisions.append(groups[of_part])
+    fixed = np.zeros((1, len(by_free)), dtype=np.bool_) if held is None else held
     steps, left_out = list[Floats](), list[NDArray[np.bool_]]()
     for numbers in divisions:
         left_out.append(numbers == np.arange(numbers.max() + 1)[:, None])
-        steps.append(normal.steps(np.asarray(1.0 - left_out[-1], dtype=np.float64), _held(slopes)))
+        steps.append(normal.steps(np.asarray(1.0 - left_out[-1], dtype=np.float64), fixed, ridge=ridge))
     predicted = float(np.sqrt(normal.after(steps[0][:, None])[left_out[0]].sum()))
     return steps, predicted
 
@@ -258,7 +346,7 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
     return ~np.isin(slopes.form.box.free, slopes.interior)[None]
 
 
-_PAY: Final = "{found}: with {it} fits to the other tests predict each to {predicted}"
+_PAY: Final = "{found}: with {it} {who} to the other tests predict each to {predicted}"
 _FITTED: Final = RemarkKind("effects_fitted", f"{_PAY}; fitted with the parameters")
 _UNFITTED: Final = RemarkKind("effects_unfitted", _PAY, "fit {it} by {options}{unless}")
 _HIDDEN: Final = RemarkKind(
@@ -271,11 +359,12 @@ _HIDDEN: Final = RemarkKind(
 
 
 @array_dataclass()
-class _Found:
+class _Weighing:
     """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
 
-    `earlier` is the misfit of predictions without them, `own` that of the fit, `least` that of the best fit. None is
-    the best with a model that describes too little, or of too few tests.
+    Fits of sliders weighed them where these predict tests better than the model. `earlier` is the misfit of
+    predictions without effects, `own` that of the fit of the model, `least` that of its best. None is the best with a
+    model that describes too little, or of too few tests, and `is_told` whether they may pay.
     """
 
     problem: Problem
@@ -285,6 +374,17 @@ class _Found:
     earlier: float
     own: float
     least: float
+    is_told: bool
+
+    @property
+    def by_sliders(self) -> bool:
+        """Whether sliders, and not the model, weighed the effects."""
+        return bool(self.weighed) and self.weighed[0].theta is None
+
+    @property
+    def mass_error(self) -> float:
+        """Standard error of a mass in the fit that predicts best of those with one [kg]; infinite without any."""
+        return next((float(each.errors[0]) for each in self.weighed if _MASS in each.effects), np.inf)
 
     def remark(self, kind: RemarkKind) -> Remark:
         """What the effects are, how much better the tests are predicted with them, and what they do to a parameter.
@@ -314,8 +414,12 @@ class _Found:
         if other is not None and other.misfit < (1.0 + _ALIKE) * best.misfit:
             seconds = 1e3 * other.values[-1]
             also = f" (or a {other.effects[-1].name} of {seconds:.2g} ms, which describes them about as well)"
-        to_model, n_own = self.problem.form.to_model, self.theta.size
-        before, after = (np.asarray(to_model(point)) for point in (self.theta, best.slopes.theta[:n_own]))
+        theta, to_model = best.theta, self.problem.form.to_model
+        if theta is None:
+            excerpts = excerpts_at(self.problem, self.theta)
+            (held,) = _fit_with(excerpts, self.problem.form, [best.effects], self.theta, held=best.values)
+            theta = held.theta[: self.theta.size]
+        before, after = (np.asarray(to_model(point)) for point in (self.theta, theta))
         changed = ""
         if moved := _absorbing(self.problem, best.effects):
             worst = max(
@@ -336,8 +440,11 @@ class _Found:
             measured=sizes[0],
             found=f"{' and '.join(told)}, one for all tests{also}",
             it=_IT[len(told)],
+            who="fits of sliders and dashpots" if best.theta is None else "fits",
             predicted=f"{' instead of '.join(fits)}{changed}",
-            options=" ".join(f"--observe {effect.name}=free" for effect in best.effects),
+            options="--observe weigh"
+            if best.theta is None
+            else " ".join(f"--observe {effect.name}=free" for effect in best.effects),
             unless="" if _MASS in best.effects else unless,
         )
 
@@ -345,15 +452,19 @@ class _Found:
 def unfitted_effects(problem: Problem, covariance: Covariance) -> Iterator[Remark]:
     """Warn of effects on the recorded force that pay, or of damping that an unknown delay would change by far."""
     # What is to be weighed was weighed before, by `fit_effects`.
-    slopes = covariance.slopes
-    if WEIGH not in problem.settings.observe and (found := _weigh(problem, covariance)):
-        yield found.remark(_UNFITTED)
-        return
+    slopes, known = covariance.slopes, _known(problem)
+    weighed = None if WEIGH in problem.settings.observe else _weigh(problem, covariance)
+    if weighed and weighed.is_told:
+        yield weighed.remark(_UNFITTED)
+        if not weighed.best or _MASS in weighed.best.effects:
+            return
+        known |= {_DELAY}
     for effect in (_DELAY, _ANY_MASS):
-        if effect.name not in {each.name for each in _known(problem)} and slopes.interior:
+        if effect.name not in {each.name for each in known} and slopes.interior:
             free = with_free(slopes.objective, slopes.form, (effect,))
             at_zero = Slopes.at(*free, np.array([*slopes.theta, 0.0]))
-            yield from _unknown(problem, effect, at_zero, covariance.standard_errors)
+            error = weighed.mass_error if weighed and effect is _ANY_MASS else np.inf
+            yield from _unknown(problem, effect, at_zero, covariance.standard_errors, error)
 
 
 def _known(problem: Problem) -> set[Effect]:
@@ -370,10 +481,10 @@ def _known(problem: Problem) -> set[Effect]:
     return known | {_MASS, _DELAY, _LAG} if varies else known
 
 
-def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
+def _weigh(problem: Problem, covariance: Covariance) -> _Weighing | None:
     """Effects on the recorded force that pay beside a fit without them, or that a wrong model does not tell.
 
-    Excerpts are fitted where that is worth it.
+    Excerpts are fitted, by the model where that is worth it, and by sliders.
     """
     slopes, known = covariance.slopes, _known(problem)
     tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
@@ -383,28 +494,61 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
     normal = at_zero.normal()
     step = normal.steps(np.ones((1, len(tests))), _held(at_zero))
     sets = [effects for effects in _SETS if not known & {*effects}]
-    if normal.after(step[:, None]).sum() >= (1.0 - _WORTH_A_FIT) * normal.squared.sum():
-        sets = []
+    is_worth = normal.after(step[:, None]).sum() < (1.0 - _WORTH_A_FIT) * normal.squared.sum()
     excerpts, groups = excerpts_at(problem, theta), _frequency_groups(tests)
-    weighed = [
-        FitWithEffects.of(fitted, effects, groups)
-        for fitted, effects in zip(_fit_with(excerpts, form, sets, theta), sets, strict=True)
+    modelled = _fit_with(excerpts, form, sets if is_worth else [], theta)
+    by_model = [
+        FitWithEffects.of(fitted, effects, groups) for fitted, effects in zip(modelled, sets, strict=False)
     ]
+    own = Slopes.at(excerpts, form, theta)
+    _, earlier = _predict_parts(excerpts.tests, own.residuals, own.by_free, groups, held=_held(own))
+    weighed = by_model
+    by_sliders, earlier_sliders = _weigh_by_sliders(excerpts.tests, sets, groups)
+    if min(each.predicted for each in by_sliders) < min([earlier, *(each.predicted for each in by_model)]):
+        weighed, earlier = by_sliders, earlier_sliders
     weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
-    _, earlier = _predict_parts(Slopes.at(excerpts, form, theta), groups)
     paying = [each for each in weighed if each.is_significant and each.predicted < _PAYS * earlier]
     best = next((each for each in paying if each.predicted < max(_WRONG, _BEYOND_DOUBT * earlier)), None)
-    own = float(np.linalg.norm(slopes.residuals))
-    least = min([own, *(each.misfit for each in weighed)])
+    misfit = float(np.linalg.norm(slopes.residuals))
+    least = min([misfit, *(each.misfit for each in by_model)])
     is_noise = least * np.sqrt(np.mean([test.variance for test in slopes.objective.compared])) <= (
         STRUCTURE * force_noise(tests)
     )
-    told = bool(paying) or (not is_noise and (least >= _WRONG or least < _BEYOND_DOUBT * own))
-    if best is None and (not told or any(pooled_commands(tests, (problem.spec,)))):
-        return None
-    return _Found(
-        problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier, own=own, least=least
+    may_pay = bool(paying) or (not is_noise and (least >= _WRONG or least < _BEYOND_DOUBT * misfit))
+    return _Weighing(
+        problem=problem,
+        theta=theta,
+        best=best,
+        weighed=weighed,
+        earlier=earlier,
+        own=misfit,
+        least=least,
+        is_told=best is not None or (may_pay and not any(pooled_commands(tests, (problem.spec,)))),
     )
+
+
+def _weigh_by_sliders(
+    tests: Sequence[DamperTest], sets: Sequence[Effects], groups: NDArray[np.intp]
+) -> tuple[list[FitWithEffects], float]:
+    """Fits of sliders with each set of effects, and the misfit with which they predict parts without any.
+
+    Errors count by how much fewer elements tell other effects, and those of a mass what other fits that predict about
+    as well say of it.
+    """
+    sliders, coarse = Sliders.of(tests), Sliders.of(tests, COARSE)
+    fits = [FitWithEffects.by_sliders(sliders.fit(effects), effects, groups) for effects in sets]
+    weighed = []
+    for fit in fits:
+        errors = np.hypot(fit.errors, coarse.fit(fit.effects).values - fit.values)
+        if _MASS in fit.effects:
+            apart = [
+                each.values[0] - fit.values[0]
+                for each in fits
+                if _MASS in each.effects and abs(each.predicted - fit.predicted) < _ABOUT * fit.predicted
+            ]
+            errors[0] = np.hypot(errors[0], np.abs(apart).max())
+        weighed.append(replace(fit, errors=errors))
+    return weighed, FitWithEffects.by_sliders(sliders.fit(()), (), groups).predicted
 
 
 def _absorbing(problem: Problem, effects: Effects) -> list[int]:
@@ -413,16 +557,23 @@ def _absorbing(problem: Problem, effects: Effects) -> list[int]:
     return [index for index, parameter in enumerate(problem.spec.parameters) if parameter.unit == unit]
 
 
-def _unknown(problem: Problem, effect: Effect, at_zero: Slopes, errors: Floats) -> Iterator[Remark]:
-    """Warn of a stiffness or damping that an unknown effect would change by far more than its standard error."""
+def _unknown(
+    problem: Problem, effect: Effect, at_zero: Slopes, errors: Floats, known_to: float
+) -> Iterator[Remark]:
+    """Warn of a stiffness or damping that an unknown effect would change by far more than its standard error.
+
+    What the effect may be is at most `known_to`, the error with which tests tell it.
+    """
     tests, size = at_zero.objective.tests, _HEAVY
     if effect is _DELAY:
         highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
         size = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
-    if not are_at_one_frequency(tests):
-        size = min(size, FitWithEffects.of(at_zero, (effect,), _frequency_groups(tests)).errors[-1])
-    elif effect is not _DELAY:
-        return
+    is_one = are_at_one_frequency(tests)
+    of_mass = _MASS_AS_STIFFNESS if is_one else _UNKNOWN_MASS
+    kind = _UNKNOWN_DELAY if effect is _DELAY else of_mass
+    if not is_one:
+        by_model = FitWithEffects.of(at_zero, (effect,), _frequency_groups(tests)).errors[-1]
+        size = min(size, by_model if np.isinf(known_to) else known_to)
     normal, held = at_zero.normal(), _held(at_zero)
     held[:, -1] = True
     # The step with which the other parameters follow the effect.
@@ -442,5 +593,4 @@ def _unknown(problem: Problem, effect: Effect, at_zero: Slopes, errors: Floats) 
         worst = max(far, key=lambda index: abs(shift[index]) / errors[index])
         percent, times = 100.0 * abs(shift[worst] / value[worst]), abs(shift[worst]) / errors[worst]
         measured, name = Measured(float(size), effect.unit), problem.spec.names[worst]
-        kind = _UNKNOWN_DELAY if effect is _DELAY else _UNKNOWN_MASS
         yield kind.remark(name, measured=measured, ms=1e3 * size, percent=percent, errors=times)

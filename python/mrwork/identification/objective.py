@@ -435,6 +435,19 @@ class NormalEquations:
         objective.tally.steps += sum(on_every_test(len(objective.compared), objective.threads, fill))
         return cls(squared=squared, gradient=gradient, matrix=matrix)
 
+    @classmethod
+    def of_parts(cls, residuals: Floats, by_free: Floats, parts: NDArray[np.intp]) -> NormalEquations:
+        """Equations of one row, with the part that has the number of each residual, (n_residuals,), for a test.
+
+        Derivatives `by_free` have the shape (n_free, n_residuals).
+        """
+        rows = []
+        for part in parts == np.arange(parts.max() + 1)[:, None]:
+            of_part, slope = residuals[part], by_free[:, part]
+            rows.append((of_part @ of_part, slope @ of_part, slope @ slope.T))
+        squared, gradient, matrix = (np.array(entries)[None] for entries in zip(*rows, strict=True))
+        return cls(squared=squared, gradient=gradient, matrix=matrix)
+
     def __getitem__(self, rows: NDArray[Any]) -> NormalEquations:
         """The equations of some rows."""
         return NormalEquations(
@@ -459,10 +472,13 @@ class NormalEquations:
         matrix = np.einsum("rt,rtpq->rpq", shares, self.matrix)
         return (gradient, matrix) if held is None else _without(held, gradient, matrix)
 
-    def steps(self, shares: Floats, held: NDArray[np.bool_], taken: Floats | None = None) -> Floats:
+    def steps(
+        self, shares: Floats, held: NDArray[np.bool_], taken: Floats | None = None, ridge: float = 0.0
+    ) -> Floats:
         """Gauss-Newton steps of each row, (n_rows, n_free), with these shares of the tests and `held` parameters.
 
         Steps that held ones have `taken`, zero elsewhere, are in the result, and the others are the best beside them.
+        A `ridge` is added to the diagonal of J'J, of parameters in units of their sensitivity.
         """
         gradient, matrix = self.joint(shares)
         if taken is not None:
@@ -471,7 +487,7 @@ class NormalEquations:
         # Rounding may leave the sensitivity of a force that is nearly unstable below zero.
         size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 0.0))
         size[size < SMALLEST] = np.inf
-        scaled = matrix / size[:, :, None] / size[:, None]
+        scaled = matrix / size[:, :, None] / size[:, None] + ridge * np.eye(size.shape[-1])
         inverse = np.linalg.pinv(scaled, rcond=_INSENSITIVE, hermitian=True)
         steps = -np.einsum("rpq,rq->rp", inverse, gradient / size) / size
         return np.asarray(steps if taken is None else steps + taken)

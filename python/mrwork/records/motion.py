@@ -342,12 +342,17 @@ class SmoothMotion:
 
 
 def smooth_motion(displacement: Floats, dt: float) -> SmoothMotion:
-    """Smooth a displacement with step `dt` [s], and differentiate it."""
+    """Smooth a displacement with step `dt` [s], and differentiate it.
+
+    The acceleration is the derivative of the velocity: the second derivative of the polynomials, whose windows suit the
+    first, is too small by 0.3 to 1.2 % on sines of 0.5 to 4 Hz with noise of 5 um, and so were masses too large.
+    """
     differentiator = Differentiator.of(displacement, dt)
+    velocity = differentiator.derivative(displacement)
     return SmoothMotion(
         displacement=differentiator.smooth(displacement),
-        velocity=differentiator.derivative(displacement),
-        acceleration=differentiator.derivative(displacement, order=2),
+        velocity=velocity,
+        acceleration=differentiator.derivative(velocity),
         frequency=spectrum(displacement, dt).dominant,
         differentiator=differentiator,
     )
