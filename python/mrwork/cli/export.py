@@ -28,10 +28,8 @@ def add_options(parser: CommandParser) -> None:
         "a program that checks it. fmu: the same as units of FMI 2.0 and 3.0."
     )
     parser.epilog = examples(
-        "mrwork export out/rig --target mat --out rig.mat",
         "mrwork export out/rig --target opensees --command 0.5A --error 0.01",
-        "mrwork export out/rig --target c --out rig_damper",
-        "mrwork export study.toml --target fmu --law clipped_optimal --out controller",
+        "mrwork export study.toml --target c --law clipped_optimal --out controller",
     )
     parser.add_argument(
         "run_folder",

@@ -23,7 +23,7 @@ _SIGNALS: dict[str, tuple[str, float, float, str]] = {
     "ground_acceleration": ("m/s^2", 3.0, 1e3, "of the ground"),
     "ground_velocity": ("m/s", 0.1, 1e2, "of the ground"),
     "drift": ("m", 0.01, 1e2, "of {storey}"),
-    "deformation": ("m", 0.01, 1e2, "elongation of {device}"),
+    "deformation": ("m", 0.01, 1e2, "of {device}, positive as it lengthens"),
     "force": ("N", 2e3, 1e9, "with which {device} resists"),
 }
 
@@ -68,7 +68,7 @@ def controller_source(
         *origin,
         f"Source of the law: {law.spec.source}",
         *law.shaping_notes,
-        "A force is that with which a device resists, and has the sign of the rate of its elongation. The law was "
+        "A force is that with which a device resists, and is positive while it lengthens. The law was "
         f"designed for samples {of_unit(sample_time, 's')} apart.",
         "No watchdog is here: stop calling, and the last command stays. Send zero where samples do not come.",
         f"Compile: cc -std=c99 -O2 -ffp-contract=off {name}.c {name}_check.c -lm; on x86 with -mfma, or fma is a slow "

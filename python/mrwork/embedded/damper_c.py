@@ -25,7 +25,7 @@ _COMMANDS = (0.0, 1.0, 0.25, 0.7)
 _HELD = 125
 # Multiple of a tested range beyond which a reading is not believed.
 _BELIEVED = 10.0
-# Elongation that is believed at least [m].
+# Displacement that is believed at least [m].
 _ANYWHERE = 1.0
 
 
@@ -100,7 +100,7 @@ def damper_source(
     ]
     n_params = len(spec.without_laws.parameters)
     command = max(map(abs, tested.command or (1.0,)))
-    # The origin of the elongation is anywhere.
+    # The origin of a displacement is anywhere.
     limits = (
         max(_BELIEVED * tested.stroke, _ANYWHERE),
         _BELIEVED * tested.velocity,
@@ -142,8 +142,8 @@ def damper_source(
             f"{name}_check.c": _check(name, samples, flavour),
         },
         inputs=(
-            Signal(name="displacement", unit="m", description="elongation"),
-            Signal(name="velocity", unit="m/s", description="rate of the elongation"),
+            Signal(name="displacement", unit="m", description="of the damper, positive as it lengthens"),
+            Signal(name="velocity", unit="m/s", description="of the damper"),
             Signal(name="command", unit=unit, description="command of the driver"),
         ),
         outputs=(Signal(name="force", unit="N", description="force with which the damper resists"),),

@@ -16,7 +16,7 @@ typedef struct {
 $fields
 } ${name}_parameters;
 
-/* Elongation [m], its rate [m/s] and the command [$unit] at a sample. */
+/* Displacement [m] and velocity [m/s] of the damper, positive as it lengthens, and the command [$unit] at a sample. */
 typedef struct {
     $real displacement;
     $real velocity;
