@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -364,6 +365,13 @@ def test_a_damper_is_printed_in_a_folder_that_names_it(fit: Fit, tmp_path: Path)
     refusal(mr.export, fit, "c", folder, match="is there already")
     mr.export(fit, "c", folder, single=True, replace=True)
     assert "float c_0;" in (folder / "rig_damper.h").read_text()
+
+
+def test_the_command_tells_what_printed_code_does_between_samples(run: Path, tmp_path: Path) -> None:
+    said = json.loads(printed("export", run, "--target", "c", "--out", tmp_path / "rig", "--json"))
+    assert [Path(each).name for each in said["files"]] == ["rig.h", "rig.c", "rig_check.c"]
+    assert said["substeps"] >= 1
+    assert said["notes"][0].startswith("Between samples the motion is straight")
 
 
 def test_what_is_not_printed_is_refused(fit: Fit, tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
         source = printed(options.run_folder, Wanted(to=to, **asked), options.output)
         paths = write_files(options.output, files_of(source, to), replace=options.replace)
         document |= {"output": str(options.output), "files": [str(path) for path in paths]}
-        document |= {"sample_time": source.sample_time, "substeps": source.substeps}
+        document |= {"sample_time": source.sample_time, "substeps": source.substeps, "notes": source.notes}
         text = "\n".join(
             filter(
                 None,
