@@ -91,7 +91,7 @@ _UNKNOWN_MASS: Final = RemarkKind(
 _MASS_AS_STIFFNESS: Final = RemarkKind(
     "mass_as_stiffness",
     "tests at one frequency do not tell a mass between damper and load cell from the stiffness: one of {value:.2g} kg "
-    "would move {0} by about {percent:.0f} %, {errors:.0f} times its standard error, so weigh what moves there and "
+    "would move {0} by about {percent:.0f} %, {errors:.0f} times its error, so weigh what moves there and "
     "give it by --observe mass=KG, or add a test at another frequency",
 )
 # Where a fit is linear, a mass of zero is on no bound.
