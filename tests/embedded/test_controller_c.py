@@ -134,6 +134,15 @@ def test_as_a_process_it_sends_the_commands_of_the_law_in_the_loop(name: str, tm
     assert np.ptp(own.command) > 0.5
 
 
+def test_a_name_of_the_user_ends_no_comment(tmp_path: Path) -> None:
+    law, names = law_of("inverse_direct"), ["roof */ int x; /*\nground"] * 5
+    places = {"floor": names, "storey": names, "device": names}
+    loop, name = loop_of(law.name, law=law), "a */ title"
+    source = controller_source("law", loop, law, places, Flavour(), unit="A", origin=(name,))
+    files = {each: text for each, text in source.files.items() if "process" not in each}
+    assert output_of(compiled(tmp_path, files)).startswith("0 of 2000")
+
+
 @pytest.mark.parametrize("name", NOT_PRINTED)
 def test_a_law_that_is_not_printed_is_refused_with_the_nearest(name: str) -> None:
     refusal(loop_of, name, match=f"{name} is not printed as C.* the nearest is")

@@ -135,5 +135,10 @@ def c_names(texts: Sequence[str]) -> list[str]:
 
 def comment(lines: Iterable[str]) -> str:
     """Lines as those of a comment, none too long to read beside the code."""
-    parts = (part for line in lines for part in wrap(line, _WIDTH) or [""])
-    return "\n".join(f" * {part}".rstrip() for part in parts).replace("*/", "* /")
+    parts = (part for line in lines for part in wrap(within_comment(line), _WIDTH) or [""])
+    return "\n".join(f" * {part}".rstrip() for part in parts)
+
+
+def within_comment(text: str) -> str:
+    """A text, as a name of a user, that neither ends a comment of C nor begins another."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")

@@ -12,7 +12,7 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.printed_loop import PrintedLoop
 from mrwork.closed_loop.user_law import READINGS
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.embedded.c_source import CSource, Flavour, Signal, comment
+from mrwork.embedded.c_source import CSource, Flavour, Signal, comment, within_comment
 
 _SAMPLES = 1000
 # Readings that a controller may have: unit, size in the check, largest that is believed, and words.
@@ -165,7 +165,7 @@ def _groups(signals: Sequence[Signal]) -> dict[str, list[Signal]]:
 def _fields(signals: Sequence[Signal], real: str) -> Iterator[str]:
     for array, entries in _groups(signals).items():
         words = "; ".join(dict.fromkeys(entry.description for entry in entries))
-        yield f"    {real} {array}[{len(entries)}];  /* [{entries[0].unit}] {words} */"
+        yield f"    {real} {array}[{len(entries)}];  /* [{entries[0].unit}] {within_comment(words)} */"
 
 
 def _initial(gains: Sequence[Signal], flavour: Flavour) -> Iterator[str]:
