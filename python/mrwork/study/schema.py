@@ -516,9 +516,13 @@ def target_spectrum(table: Arguments) -> TargetSpectrum:
     return spectrum
 
 
+GROUNDS = ("file", "acceleration", "synthetic", "suite", "road")
+"""Keys of which one says how the ground moves."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionTable(Stated):
-    """Ground motions from files, synthetic or a suite, or forces on floors; each factor, peak or Sa gives a motion.
+    """Ground motions from files, synthetic or a suite, forces on floors, or both; each factor or level is a motion.
 
     A road is the ground under the tyre of a vehicle: its heights, or a class of ISO 8608, at a speed. Training and test
     motions must be different records: files and accelerations are compared.
@@ -533,12 +537,12 @@ class MotionTable(Stated):
         "samples instead of a file, every dt, in m/s2 or the unit"
     )
     force: str | None = optional(
-        "forces on floors instead of a record, a table relative to the study file: a column for each floor by its "
-        "name, or one column with floor or shape",
+        "forces on floors, alone or beside the ground, a table relative to the study file: a column for each floor by "
+        "its name, or one column with floor or shape",
         file=True,
     )
     forces: tuple[tuple[float, ...], ...] | None = optional(
-        "samples of the force on each floor instead of a file, every dt, in N or the unit; beside acceleration both act"
+        "samples of the force on each floor, every dt in N or the unit; beside the ground in N, as many as it has"
     )
     floor: int | str | None = optional("floor of the one column of a force, by its name or number from 1")
     shape: tuple[float, ...] | None = optional("share of each floor in the one column of a force")
@@ -611,13 +615,17 @@ class MotionTable(Stated):
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
-        samples = self.acceleration if self.forces is None else self.forces
-        ways = (self.file, samples, self.synthetic, self.suite, self.force, self.road)
-        if sum(way is not None for way in ways) != 1:
+        grounds = [name for name in GROUNDS if getattr(self, name) is not None]
+        forces = [name for name in ("force", "forces") if getattr(self, name) is not None]
+        if not (grounds or forces):
             yield (
                 (),
-                "[[motion]] needs either a file, samples, a synthetic motion, a suite, a force or a road",
+                "[[motion]] needs a file, samples, a synthetic motion, a suite, a road or forces; forces may act "
+                "beside one of the others",
             )
+        for ways in (grounds, forces):
+            if len(ways) > 1:
+                yield ways[1], f"[[motion]] has {' and '.join(ways)}; keep one, or give each a [[motion]]"
         keys = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
         if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
@@ -657,7 +665,7 @@ class MotionTable(Stated):
                 ("floor", "shape"),
             ),
             (
-                of_file or given,
+                (of_file or given) and self.ground is None,
                 "is of records, and columns of forces are named by their floors; leave it out",
                 ("column", "channel"),
             ),
@@ -666,13 +674,8 @@ class MotionTable(Stated):
                 yield name, f"{name} {reason}"
         if of_file and self.floor is not None and self.shape is not None:
             yield "shape", "floor and shape both say where the one column of a force acts; keep one"
-        if given and self.acceleration is None and self.dt is None:
+        if given and self.ground is None and self.dt is None:
             yield (), "[[motion]] has no dt of its forces; give it [s]"
-        if given and self.acceleration is not None and self.unit is not None:
-            yield (
-                "unit",
-                "unit may be of acceleration or of forces; leave it out, and give them in m/s2 and N",
-            )
 
     def _mistakes_of_roads(self) -> Iterator[tuple[str | KeyPath, str]]:
         drawn = self.synthetic == "iso_8608"
@@ -710,6 +713,11 @@ class MotionTable(Stated):
         ):
             for name in (name for name in names if unread and name in given_in(self)):
                 yield name, f"{name} {reason}"
+
+    @property
+    def ground(self) -> str | None:
+        """The key that has the motion of the ground, `None` where forces act alone."""
+        return next((name for name in GROUNDS if getattr(self, name) is not None), None)
 
     @property
     def is_forced(self) -> bool:
