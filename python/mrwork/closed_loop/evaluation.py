@@ -16,7 +16,7 @@ from mrwork.base.arguments import AnyNumbers, Whole
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Remark
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, list_names
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.base.units import unusual_number
 from mrwork.base.values import Floats, array_dataclass
@@ -262,12 +262,14 @@ def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
 
 
 SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
-"""Criteria whose ratios are averaged in the score."""
+"""Criteria whose ratios to i = 0 are averaged in the score, unless a study states others."""
 
 
-def score(ratios: Mapping[str, Floats]) -> Floats:
-    """Mean over `SCORE` of the ratio of each criterion to its value at i = 0, as defined in this project."""
-    return np.asarray(np.mean([ratios[name] for name in SCORE], axis=0))
+def scored_in_words(names: Sequence[str]) -> str:
+    """The criteria of a score, as part of a heading."""
+    if tuple(names) == SCORE:
+        return "peak and RMS drift and acceleration"
+    return list_names([criterion(name).short for name in names])
 
 
 def searched(numbers: Floats) -> Floats:

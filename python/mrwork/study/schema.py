@@ -32,7 +32,7 @@ from mrwork.base.places import KeyPath, all_mistakes
 from mrwork.base.summary import list_names
 from mrwork.base.units import RATIOS, DriverUnit, number_in
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.closed_loop.evaluation import criterion
+from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
@@ -764,6 +764,12 @@ class ReportTable(Stated):
         "weighted_acceleration, which is weighted by W_k of ISO 2631-1 and takes histories",
         default=(),
     )
+    score: tuple[str, ...] = key(
+        "criteria of the score, the mean of their ratios to i = 0, by which the best constant command is chosen, "
+        "arrangements are ranked and, unless it has criteria, [[tune]] searches; by default peak and RMS drift and "
+        'acceleration, for a car as ["weighted_acceleration@body", "rms_drift@tyre"]',
+        default=SCORE,
+    )
     histories: Literal["detailed", "all", "none"] = key(
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )
@@ -774,6 +780,11 @@ class ReportTable(Stated):
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         yield from _unknown_criteria("criteria", self.criteria)
+        unknown = [*_unknown_criteria("score", self.score)]
+        yield from unknown
+        for name in () if unknown else self.score:
+            if criterion(name).of_command:
+                yield "score", f"{name} is zero at i = 0, over which the score is; leave it out"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
