@@ -231,11 +231,11 @@ def _end(
     spare: str,
     test_remarks: list[dict[str, Any]],
 ) -> int:
-    from mrwork.report.fit.front import evidence_in_words
+    from mrwork.report.fit.front import evidence_of
     from mrwork.report.fit.page import open_run
 
     opened, compared = open_run(path)
-    fit, verdict = opened.fit, evidence_in_words(opened, compared)
+    fit, verdict = opened.fit, evidence_of(opened, compared).in_words
     following = {name: str(law) for name, law in fit.spec.laws_by_name.items() if not law.is_constant}
     if options.json:
         held_out = opened.held_out
