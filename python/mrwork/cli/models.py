@@ -69,7 +69,11 @@ def run(options: argparse.Namespace) -> int:
         return 0
     spec = own_model(options.name) if is_own(options.name) else damper(options.name)
     if options.figure is not None:
-        _write_figure(spec, options)
+        check_figure(options.figure)
+        from mrwork.plots.of_tests import nominal_loops
+
+        loops = nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
+        write_figure(options.figure, loops)
     drawn = {} if options.figure is None else {"figure": str(options.figure)}
     follow = (
         "Any parameter can follow the command, constant, linear, quadratic, cubic or exponential: "
@@ -116,15 +120,6 @@ def _list_presets(options: argparse.Namespace) -> int:
 
 def _as_document(presets: Sequence[Preset]) -> dict[str, Any]:
     return {"presets": [asdict(preset) | {"force_class": preset.force_class or None} for preset in presets]}
-
-
-def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
-    check_figure(options.figure)
-    from mrwork.plots.of_tests import nominal_loops
-
-    write_figure(
-        options.figure, nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
-    )
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

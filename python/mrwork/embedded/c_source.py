@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib.resources import files
 from math import isfinite, isnan
 from string import Template
@@ -98,18 +97,13 @@ class Flavour:
 
     def _elementary(self) -> str:
         if not (self.libm or self.single):
-            return self.fill("elementary.c", functions=_functions())
+            return self.fill("elementary.c", functions=_rust.elementary_functions())
         suffix = "f" if self.single else ""
         names = {"exp": "exp", "ln": "log", "pow": "pow", "tanh": "tanh"}
         return "".join(f"#define mr_{own} {name}{suffix}\n" for own, name in names.items())
 
 
 _NUMBERS = {"zero": 0.0, "half": 0.5, "one": 1.0}
-
-
-@cache
-def _functions() -> str:
-    return _rust.elementary_functions()
 
 
 def c_name(text: str) -> str:
