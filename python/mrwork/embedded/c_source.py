@@ -12,6 +12,7 @@ from textwrap import wrap
 from typing import Final, Literal
 
 from mrwork import _rust
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 
 # Words that C or its header math.h has taken, of those that parameters and folders may be called.
@@ -127,10 +128,21 @@ def c_names(texts: Sequence[str]) -> list[str]:
     return names
 
 
-def comment(lines: Iterable[str]) -> str:
-    """Lines as those of a comment, none too long to read beside the code."""
+def head_of(name: str, sentences: Iterable[str]) -> str:
+    """The comment that begins printed code, with how to compile it, in lines that are read beside the code."""
+    lines = (
+        *sentences,
+        f"Compile: cc -std=c99 -O2 -ffp-contract=off {name}.c {name}_check.c -lm; on x86 with -mfma, or fma is a slow "
+        "call. Rounding to nearest.",
+        f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
+    )
     parts = (part for line in lines for part in wrap(within_comment(line), _WIDTH) or [""])
     return "\n".join(f" * {part}".rstrip() for part in parts)
+
+
+def rows_of(columns: Floats) -> str:
+    """A table of the check of printed code, shape (n_rows, n_columns), as C has it."""
+    return ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in columns.tolist())
 
 
 def within_comment(text: str) -> str:
