@@ -196,7 +196,7 @@ class Criterion:
         """The value for each run of `responses`, which has the quantities of runs as attributes."""
         return np.asarray(np.max(self.of_places(responses, scales), axis=-1, initial=0.0))
 
-    def of_places(self, responses: object, scales: Scales) -> Floats:
+    def of_places(self, responses: Any, scales: Scales) -> Floats:
         """The numbers of each run whose largest is the value, along a last axis, as of floors or storeys."""
         values = np.abs(getattr(responses, self.quantity))
         if self.scale not in ("", "weight"):
@@ -204,9 +204,8 @@ class Criterion:
             values = scales.divide(values, self.scale, shears)
         axis = quantity_named(self.quantity).axis
         if self.place:
-            axes: Mapping[str, Sequence[str]] = getattr(responses, "axes")  # noqa: B009 - of runs of a study
-            self.check_place(axes)
-            values = values[..., [axes[axis].index(self.place)]]
+            self.check_place(responses.axes)
+            values = values[..., [responses.axes[axis].index(self.place)]]
         if axis == "device":
             # What a run does not have, NaN, counts as nothing: without devices the largest force is zero.
             values = np.where(np.isnan(values), 0.0, values)
