@@ -124,6 +124,21 @@ def test_a_mass_is_told_where_a_delay_alone_is_not_worth_a_fit() -> None:
     assert [each.words[0] for each in advice(fit)] == ["mass"]
 
 
+@pytest.mark.parametrize("mass", [0.05, 0.2, 0.5])
+def test_a_small_mass_of_a_light_rig_is_a_number_with_its_error_and_on_no_bound(mass: float) -> None:
+    motions = ((0.010, 1.0), (0.006, 5.0), (0.004, 15.0))
+    loaded = [recorded(Observation(mass=mass), rng, motion) for rng, motion in enumerate(motions)]
+    fit = mr.identify(SPEC, loaded, observe="mass=free", threads=1)
+    (found,) = fit.effects
+    assert found.state == ""
+    assert 0.0 < (found.standard_error or 0.0) < 0.1
+    assert abs(found.value - mass) < 3.0 * (found.standard_error or 0.0)
+    # The stiffness counts the error of the mass, as it would not beside a bound.
+    given = mr.identify(SPEC, loaded, observe=f"mass={found.value}", threads=1)
+    errors = [each.parameters["k"].standard_error or 0.0 for each in (fit, given)]
+    assert errors[0] > 1.1 * errors[1] > 0.0
+
+
 def test_a_single_record_of_several_frequencies_is_weighed_by_its_parts() -> None:
     loaded, alone = (recorded(Observation(mass=mass), 0, *MOTIONS[:2]) for mass in (60.0, 0.0))
     taken = mr.identify(SPEC, loaded, observe=["detect", "weigh"], threads=1)
