@@ -26,7 +26,7 @@ from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import points_from_optimiser, points_from_race
-from mrwork.identification.minimise.polish import FinalFit, StartingPoints
+from mrwork.identification.minimise.polish import FinalFit, StartingPoints, at_least_linear
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying
@@ -250,7 +250,8 @@ class _Identification:
         def polish() -> FinalFit:
             # Without the driver's lag where the tests do not want it.
             on_step = partial(call.on_steps, "refinement")
-            return fit_effects(polish_with_wanted_lag(problem, points, on_step=on_step))
+            wanted = polish_with_wanted_lag(problem, points, on_step=on_step)
+            return fit_effects(at_least_linear(wanted, on_step=on_step))
 
         keep(points.theta[0])
         ended = interruptible(polish)
