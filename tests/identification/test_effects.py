@@ -16,6 +16,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.sliders import Sliders
 from mrwork.records import DamperTest, Observation
 from mrwork.records.observation import EFFECTS
+from mrwork.uncertainty import Candidate
 
 SPEC = mr.damper("static_hysteretic")
 DAMPING = SPEC.names.index("c")
@@ -205,6 +206,35 @@ def test_what_sliders_tell_is_held_with_its_error_in_the_fit_that_weighs() -> No
     assert abs(k.value - clean.value) < 3.0 * (k.standard_error or 0.0)
     # A stiffness that counts the error of the mass is known worse.
     assert (k.standard_error or 0.0) > (known.standard_error or 0.0) > 0.0
+
+
+def test_what_sliders_told_is_given_to_a_likelihood_whose_errors_are_said_to_count_less() -> None:
+    tests = slid(40.0, 0.006)
+    fit = mr.identify("normalised_bouc_wen", tests, observe=["detect", "weigh"], threads=1)
+    assert {effect.state for effect in fit.effects} == {"told by sliders"}
+    profiles = mr.profile(fit, tests, parameters=["k", "c"], threads=1)
+    # The model by itself would take another mass, which is no better fit.
+    assert profiles.better is None
+    k, profiled = fit.parameters["k"], profiles.profiles[1].interval
+    assert (k.standard_error or 0.0) > 1.5 * profiled.error
+    draws = mr.sample(fit, tests, most_steps=60, walkers=24, rng=1, threads=1)
+    assert draws.names == fit.spec.names
+    plan = mr.plan(fit, tests, [Candidate(amplitude=0.01, frequency=3.0)], band="k", threads=1)
+    for result in (profiles, draws, plan):
+        codes = [remark.code for remark in result.remarks]
+        assert {"residual_is_structure", "errors_of_likelihood"} <= {*codes}
+        (less,) = [remark for remark in result.remarks if remark.code == "errors_of_likelihood"]
+        assert "k " in less.words[0]
+
+
+def test_a_verdict_of_the_fit_stays_where_its_error_counts_more_than_an_interval() -> None:
+    tests = slid(40.0, 0.006)
+    fit = mr.identify("normalised_bouc_wen", tests, observe=["mass=free", "lag=free"], threads=1)
+    profiles = mr.profile(fit, tests, parameters=["k"], threads=1)
+    (k,) = profiles.profiles
+    assert (fit.parameters["k"].verdict, k.verdict) == ("weakly identifiable", "identifiable")
+    after = fit.with_intervals(profiles.profiles).parameters["k"]
+    assert (after.interval, after.verdict) == (k.interval, "weakly identifiable")
 
 
 def test_sliders_are_told_the_given_observation_of_a_test() -> None:

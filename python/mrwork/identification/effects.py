@@ -148,7 +148,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
             standard_error=error if np.isfinite(error) else None,
             lower=box.lower[index],
             upper=box.upper[index],
-            state=state_of(fitted.form, index, value),
+            state="told by sliders" if known else state_of(fitted.form, index, value),
         )
         for index, (effect, value), error in zip(
             range(n_own, len(box.names)), values.items(), errors.tolist(), strict=True

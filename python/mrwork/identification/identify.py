@@ -176,19 +176,20 @@ def identify_with(
 def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: str, threads: int = 0) -> Fit:
     """The fit to its tests anew from a point of less misfit, (n_params,), that what is named has found.
 
-    Effects that it has found are found again.
+    Effects that it has found are found again; those that sliders have told stay.
     """
     start = dict(zip(fit.spec.names, theta.tolist(), strict=True))
     moved = identify_with(
         fit.spec,
         tests,
-        replace(fit.settings.with_effects(dict.fromkeys(fit.effect_values, FREE)), starts=(start,)),
+        replace(fit.settings.with_effects(dict.fromkeys(fit.varied_effects, FREE)), starts=(start,)),
         threads=threads,
         warns=False,
         searched=(Problem.of_fit(fit, tuple(tests)).form.box, fit.trace),
         doubt=f"{found_by} found it, and no route of the search",
     )
-    return replace(moved, provenance=fit.provenance)
+    told = tuple(effect for effect in fit.effects if effect not in fit.varied)
+    return replace(moved, effects=(*told, *moved.effects), provenance=fit.provenance)
 
 
 @dataclass(slots=True, kw_only=True)
