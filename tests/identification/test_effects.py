@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -12,6 +13,7 @@ import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.identification import effects
 from mrwork.identification.commands import excerpts_at
+from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.problem import Problem
 from mrwork.identification.sliders import Sliders
 from mrwork.records import DamperTest, Observation
@@ -278,7 +280,7 @@ def test_errors_of_parameters_follow_the_larger_errors_of_effects() -> None:
     np.testing.assert_allclose(effects._with_errors(matrix, errors), expected, rtol=0.03, atol=0.3)
 
 
-def test_a_loop_too_stiff_for_excerpts_is_examined_on_whole_tests() -> None:
+def test_a_loop_too_stiff_for_excerpts_is_examined_on_all_of_their_samples() -> None:
     time = np.arange(0.0, 12.0, 2e-3)
     x, v = 0.02 * np.sin(np.pi * time), 0.02 * np.pi * np.cos(np.pi * time)
     test = mr.test_from_arrays(time, x, 1e3 * v + 300.0 * np.tanh(v / 0.01), velocity=v)
@@ -290,8 +292,28 @@ def test_a_loop_too_stiff_for_excerpts_is_examined_on_whole_tests() -> None:
     theta[problem.spec.names.index("sigma")] = 1e4
     for rho, is_whole in ((1e4, False), (2e5, True)):
         theta[problem.spec.names.index("rho")] = rho
-        assert np.isfinite(excerpts_at(problem, theta)(theta[None])[0])
-        assert is_whole is (excerpts_at(problem, theta) is problem.objective)
+        examined = excerpts_at(problem, theta)
+        assert np.isfinite(examined(theta[None])[0])
+        assert is_whole is (examined.tests[0].dt == test.dt)
+        # Three of the six cycles, whatever their samples.
+        assert examined.tests[0].n_time * examined.tests[0].dt < 0.6 * test.n_time * test.dt
+
+
+def test_sliders_that_no_fit_of_the_model_can_beat_decide_without_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tests = slid(40.0, 0.0)
+    fit = mr.identify("static_hysteretic", tests, threads=1)
+    problem = Problem.of_fit(fit, tuple(tests), threads=1)
+    covariance = Covariance.of(Slopes.at(problem.objective, problem.form, problem.inside(fit.theta)))
+    fitted = list[Any]()
+    monkeypatch.setattr(effects, "_fit_with", lambda *given, **_: fitted.append(given))
+    weighed = effects._weigh(problem, covariance)
+    assert not fitted
+    assert weighed is not None
+    assert weighed.best is not None
+    assert weighed.by_sliders
+    assert abs(weighed.best.values[0] - 40.0) < 3.0 * weighed.best.errors[0] < 20.0
 
 
 def test_a_model_that_describes_too_little_says_that_it_tells_no_effect() -> None:
