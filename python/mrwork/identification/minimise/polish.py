@@ -16,6 +16,7 @@ from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import FittedParameter, SearchTrace
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, OnStep, find_minima
+from mrwork.identification.minimise.race import Raced, distinct_minima
 from mrwork.identification.minimise.stiffness import nearest_below_stiffness
 from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
@@ -41,6 +42,14 @@ class StartingPoints:
     theta: Floats
     trace: SearchTrace
     doubt: str = ""
+
+    @classmethod
+    def of_race(cls, raced: Raced, form: Form) -> StartingPoints:
+        """The distinct minima of a race in the box of a form; an error where every simulation has failed."""
+        if not len(raced.theta):
+            raise no_simulation(form.spec, raced.objective.tally.simulations)
+        theta = distinct_minima(form.box, raced.theta, raced.misfit)
+        return cls(objective=raced.objective, form=form, theta=theta, trace=raced.trace, doubt=raced.doubt)
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.
