@@ -237,6 +237,9 @@ def test_a_verdict_of_the_fit_stays_where_its_error_counts_more_than_an_interval
     assert (fit.parameters["k"].verdict, k.verdict) == ("weakly identifiable", "identifiable")
     after = fit.with_intervals(profiles.profiles).parameters["k"]
     assert (after.interval, after.verdict) == (k.interval, "weakly identifiable")
+    # Errors of a fit without effects count no more than the interval does.
+    alone = replace(fit, effects=()).with_intervals(profiles.profiles)
+    assert alone.parameters["k"].verdict == "identifiable"
 
 
 def test_sliders_are_told_the_given_observation_of_a_test() -> None:

@@ -76,14 +76,14 @@ class FittedParameter:
         """Whether the search ended with the parameter at its lower or upper bound."""
         return self.state in ("at lower bound", "at upper bound")
 
-    def judged_by(self, row: Judged | None) -> FittedParameter:
+    def judged_by(self, row: Judged | None, *, counts_more: bool) -> FittedParameter:
         """The parameter with the interval that a row has of it, if any, and with the verdict by that if it has one.
 
-        The verdict of the fit stays where its error counts more than the interval does.
+        Where the error of the fit `counts_more` than a likelihood, and is larger, its verdict stays.
         """
         if row is None or row.interval is None:
             return self
-        stays = not row.verdict.word or self.times(row.interval.error) > _FURTHER
+        stays = not row.verdict.word or (counts_more and self.times(row.interval.error) > _FURTHER)
         return replace(self, interval=row.interval, verdict=self.verdict if stays else row.verdict)
 
     def times(self, error: float) -> float:
@@ -509,25 +509,11 @@ class Fit(Plotted, WithAxes, Summarised):
     @checked
     def with_intervals(self, judged: Sequence[Judged]) -> Fit:
         """The fit with the intervals of `Profiles.profiles` or `Draws.summaries`, and the verdicts by them."""
-        of = {row.name: row for row in judged}
-        return replace(
-            self, estimates=tuple(estimate.judged_by(of.get(estimate.name)) for estimate in self.estimates)
-        )
-
-    def beside_likelihood(self, errors: Mapping[str, float]) -> Iterator[Remark]:
-        """What errors of parameters by a likelihood, by their names, do not count: a wrong model, and effects.
-
-        Errors that are not finite are not compared.
-        """
-        yield from (remark for remark in self.remarks if remark.code == "residual_is_structure")
-        if not self.effects:
-            return
-        times = {each.name: each.times(errors[each.name]) for each in self.fitted if each.name in errors}
-        larger = [name for name, ratio in times.items() if ratio > _FURTHER]
-        if larger:
-            ratios = list_names([f"{name} {times[name]:.2g} times" for name in larger])
-            most = Measured(max(times[name] for name in larger), "")
-            yield _LIKELIHOOD_ALONE.remark(ratios, measured=most)
+        of, counts_more = {row.name: row for row in judged}, bool(self.effects)
+        estimates = [
+            estimate.judged_by(of.get(estimate.name), counts_more=counts_more) for estimate in self.estimates
+        ]
+        return replace(self, estimates=tuple(estimates))
 
     @property
     def times_noise(self) -> float | None:
@@ -663,6 +649,22 @@ class Fit(Plotted, WithAxes, Summarised):
             tables=tables,
             notes=[direction.sentence for direction in self.informative],
         )
+
+
+def beside_likelihood(fit: Fit, errors: Mapping[str, float]) -> Iterator[Remark]:
+    """What `errors` of parameters by a likelihood, by their names, do not count: a wrong model, and effects.
+
+    Errors that are not finite are not compared.
+    """
+    yield from (remark for remark in fit.remarks if remark.code == "residual_is_structure")
+    if not fit.effects:
+        return
+    times = {each.name: each.times(errors[each.name]) for each in fit.fitted if each.name in errors}
+    larger = [name for name, ratio in times.items() if ratio > _FURTHER]
+    if larger:
+        ratios = list_names([f"{name} {times[name]:.2g} times" for name in larger])
+        most = Measured(max(times[name] for name in larger), "")
+        yield _LIKELIHOOD_ALONE.remark(ratios, measured=most)
 
 
 # What the tests of a fit have in tables and in arrays.

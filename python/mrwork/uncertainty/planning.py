@@ -25,7 +25,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.covariance import Slopes
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import linearised_without_effects
 from mrwork.identification.verdicts import scales_of
@@ -283,7 +283,7 @@ def plan(
         remarks=(
             *failed,
             *_repeating_motions(as_tests(tests), fit.tested),
-            *fit.beside_likelihood(posterior.errors),
+            *beside_likelihood(fit, posterior.errors),
         ),
     )
 

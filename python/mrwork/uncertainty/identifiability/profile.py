@@ -27,7 +27,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import Slopes, covariance
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.identify import moved_to
 from mrwork.identification.interval import Interval, Verdict, end_in_words
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -331,7 +331,7 @@ def profile(
                     if improvement < _BETTER
                     else (_BETTER_FIT.remark(measured=Measured(float(np.sqrt(least)), ""), before=fit.nrmse),)
                 ),
-                *of.beside_likelihood({profiled.name: profiled.interval.error for profiled in made}),
+                *beside_likelihood(of, {profiled.name: profiled.interval.error for profiled in made}),
             ),
             evaluations=objective.tally.simulations,
             seconds=call.seconds,

@@ -17,7 +17,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError, SettingError
 from mrwork.identification.covariance import Slopes
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.problem import provenance_with
 from mrwork.identification.verdicts import judge_interval, scales_of
 from mrwork.records import DamperTest
@@ -171,7 +171,7 @@ class SamplingProblem:
             ),
             measured={test.name: test.force for test in self.target.objective.tests},
             remarks=tuple(
-                self.fit.beside_likelihood({summary.name: summary.deviation for summary in summaries})
+                beside_likelihood(self.fit, {summary.name: summary.deviation for summary in summaries})
             ),
         )
 
