@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -12,10 +13,12 @@ import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.identification import effects
 from mrwork.identification.commands import excerpts_at
+from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.problem import Problem
 from mrwork.identification.sliders import Sliders
 from mrwork.records import DamperTest, Observation
 from mrwork.records.observation import EFFECTS
+from mrwork.uncertainty import Candidate
 
 SPEC = mr.damper("static_hysteretic")
 DAMPING = SPEC.names.index("c")
@@ -124,6 +127,21 @@ def test_a_mass_is_told_where_a_delay_alone_is_not_worth_a_fit() -> None:
     assert [each.words[0] for each in advice(fit)] == ["mass"]
 
 
+@pytest.mark.parametrize("mass", [0.05, 0.2, 0.5])
+def test_a_small_mass_of_a_light_rig_is_a_number_with_its_error_and_on_no_bound(mass: float) -> None:
+    motions = ((0.010, 1.0), (0.006, 5.0), (0.004, 15.0))
+    loaded = [recorded(Observation(mass=mass), rng, motion) for rng, motion in enumerate(motions)]
+    fit = mr.identify(SPEC, loaded, observe="mass=free", threads=1)
+    (found,) = fit.effects
+    assert found.state == ""
+    assert 0.0 < (found.standard_error or 0.0) < 0.1
+    assert abs(found.value - mass) < 3.0 * (found.standard_error or 0.0)
+    # The stiffness counts the error of the mass, as it would not beside a bound.
+    given = mr.identify(SPEC, loaded, observe=f"mass={found.value}", threads=1)
+    errors = [each.parameters["k"].standard_error or 0.0 for each in (fit, given)]
+    assert errors[0] > 1.1 * errors[1] > 0.0
+
+
 def test_a_single_record_of_several_frequencies_is_weighed_by_its_parts() -> None:
     loaded, alone = (recorded(Observation(mass=mass), 0, *MOTIONS[:2]) for mass in (60.0, 0.0))
     taken = mr.identify(SPEC, loaded, observe=["detect", "weigh"], threads=1)
@@ -192,6 +210,38 @@ def test_what_sliders_tell_is_held_with_its_error_in_the_fit_that_weighs() -> No
     assert (k.standard_error or 0.0) > (known.standard_error or 0.0) > 0.0
 
 
+def test_what_sliders_told_is_given_to_a_likelihood_whose_errors_are_said_to_count_less() -> None:
+    tests = slid(40.0, 0.006)
+    fit = mr.identify("normalised_bouc_wen", tests, observe=["detect", "weigh"], threads=1)
+    assert {effect.state for effect in fit.effects} == {"told by sliders"}
+    profiles = mr.profile(fit, tests, parameters=["k", "c"], threads=1)
+    # The model by itself would take another mass, which is no better fit.
+    assert profiles.better is None
+    k, profiled = fit.parameters["k"], profiles.profiles[1].interval
+    assert (k.standard_error or 0.0) > 1.5 * profiled.error
+    draws = mr.sample(fit, tests, most_steps=60, walkers=24, rng=1, threads=1)
+    assert draws.names == fit.spec.names
+    plan = mr.plan(fit, tests, [Candidate(amplitude=0.01, frequency=3.0)], band="k", threads=1)
+    for result in (profiles, draws, plan):
+        codes = [remark.code for remark in result.remarks]
+        assert {"residual_is_structure", "errors_of_likelihood"} <= {*codes}
+        (less,) = [remark for remark in result.remarks if remark.code == "errors_of_likelihood"]
+        assert "k " in less.words[0]
+
+
+def test_a_verdict_of_the_fit_stays_where_its_error_counts_more_than_an_interval() -> None:
+    tests = slid(40.0, 0.006)
+    fit = mr.identify("normalised_bouc_wen", tests, observe=["mass=free", "lag=free"], threads=1)
+    profiles = mr.profile(fit, tests, parameters=["k"], threads=1)
+    (k,) = profiles.profiles
+    assert (fit.parameters["k"].verdict, k.verdict) == ("weakly identifiable", "identifiable")
+    after = fit.with_intervals(profiles.profiles).parameters["k"]
+    assert (after.interval, after.verdict) == (k.interval, "weakly identifiable")
+    # Errors of a fit without effects count no more than the interval does.
+    alone = replace(fit, effects=()).with_intervals(profiles.profiles)
+    assert alone.parameters["k"].verdict == "identifiable"
+
+
 def test_sliders_are_told_the_given_observation_of_a_test() -> None:
     mass, delay = EFFECTS["mass"], EFFECTS["delay"]
     (found,) = Sliders.of(slid(40.0, 0.0)).fit((mass,)).values
@@ -233,7 +283,7 @@ def test_errors_of_parameters_follow_the_larger_errors_of_effects() -> None:
     np.testing.assert_allclose(effects._with_errors(matrix, errors), expected, rtol=0.03, atol=0.3)
 
 
-def test_a_loop_too_stiff_for_excerpts_is_examined_on_whole_tests() -> None:
+def test_a_loop_too_stiff_for_excerpts_is_examined_on_all_of_their_samples() -> None:
     time = np.arange(0.0, 12.0, 2e-3)
     x, v = 0.02 * np.sin(np.pi * time), 0.02 * np.pi * np.cos(np.pi * time)
     test = mr.test_from_arrays(time, x, 1e3 * v + 300.0 * np.tanh(v / 0.01), velocity=v)
@@ -245,8 +295,28 @@ def test_a_loop_too_stiff_for_excerpts_is_examined_on_whole_tests() -> None:
     theta[problem.spec.names.index("sigma")] = 1e4
     for rho, is_whole in ((1e4, False), (2e5, True)):
         theta[problem.spec.names.index("rho")] = rho
-        assert np.isfinite(excerpts_at(problem, theta)(theta[None])[0])
-        assert is_whole is (excerpts_at(problem, theta) is problem.objective)
+        examined = excerpts_at(problem, theta)
+        assert np.isfinite(examined(theta[None])[0])
+        assert is_whole is (examined.tests[0].dt == test.dt)
+        # Three of the six cycles, whatever their samples.
+        assert examined.tests[0].n_time * examined.tests[0].dt < 0.6 * test.n_time * test.dt
+
+
+def test_sliders_that_no_fit_of_the_model_can_beat_decide_without_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tests = slid(40.0, 0.0)
+    fit = mr.identify("static_hysteretic", tests, threads=1)
+    problem = Problem.of_fit(fit, tuple(tests), threads=1)
+    covariance = Covariance.of(Slopes.at(problem.objective, problem.form, problem.inside(fit.theta)))
+    fitted = list[Any]()
+    monkeypatch.setattr(effects, "_fit_with", lambda *given, **_: fitted.append(given))
+    weighed = effects._weigh(problem, covariance)
+    assert not fitted
+    assert weighed is not None
+    assert weighed.best is not None
+    assert weighed.by_sliders
+    assert abs(weighed.best.values[0] - 40.0) < 3.0 * weighed.best.errors[0] < 20.0
 
 
 def test_a_model_that_describes_too_little_says_that_it_tells_no_effect() -> None:

@@ -8,8 +8,14 @@ import measured_data
 import numpy as np
 import pytest
 
+import mrwork as mr
 from mrwork import identify
 from mrwork.base.remark import warnings_of
+from mrwork.base.values import Floats
+from mrwork.identification.covariance import Covariance, Slopes
+from mrwork.identification.minimise.polish import FinalFit, at_least_linear
+from mrwork.identification.problem import Problem
+from mrwork.identification.settings import FitSettings
 from mrwork.identification.suspicious import linear_misfit
 from mrwork.records import DamperTest, cut, read_damper_test
 from mrwork.records.reading import synthetic_test
@@ -47,6 +53,25 @@ def linear(test: DamperTest) -> DamperTest:
 def test_a_linear_spring_and_dashpot_describes_its_own_force_and_not_a_hysteresis() -> None:
     assert linear_misfit([linear(TEST)]) < 1e-9
     assert linear_misfit([TEST]) > 0.1
+
+
+@pytest.mark.parametrize("model", ["normalised_bouc_wen", "hyperbolic_tangent_gavin", "bouc_wen"])
+def test_a_fit_is_not_worse_than_the_linear_damper_within_its_model(model: str) -> None:
+    # A loop so long that it is straight in the stroke takes the part of a spring, with a stiffness of the other sign.
+    spec, test = mr.damper(model), linear(TEST)
+    problem = Problem.of(spec, (test,), FitSettings(), threads=1)
+
+    def ended_at(theta: Floats) -> FinalFit:
+        covariance = Covariance.of(Slopes.at(problem.objective, problem.form, theta))
+        return FinalFit(problem=problem, covariance=covariance, steps=0, converged=False)
+
+    mended = at_least_linear(ended_at(problem.inside(spec.nominal)), on_step=lambda *_: None)
+    stiffness, damping = (
+        next(i for i, p in enumerate(spec.parameters) if p.unit == u) for u in ("N/m", "N s/m")
+    )
+    found = np.asarray(problem.form.to_model(mended.theta))
+    assert (found[stiffness], found[damping]) == (pytest.approx(9e3, rel=0.02), pytest.approx(2e3, rel=0.02))
+    assert at_least_linear(mended, on_step=lambda *_: None).misfit == mended.misfit
 
 
 def test_tests_at_two_commands_share_the_linear_model_unless_the_model_follows_the_command() -> None:

@@ -134,7 +134,7 @@ def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
     lanes = find_minima(objective, form.box, start[None], max_iterations=100).best
     other = find_minimum_by_optimistix(objective, form.box, start)
     for theta in (lanes.theta, other.theta):
-        states = [state_of(form.box, each, float(theta[each])) for each in range(len(theta))]
+        states = [state_of(form, each, float(theta[each])) for each in range(len(theta))]
         assert [state for state in states if state] == ["at upper bound"]
         assert states[index] == "at upper bound"
     assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)

@@ -8,11 +8,13 @@ from refusals import refusal
 
 from mrwork import identify
 from mrwork.base.remark import Measured
+from mrwork.base.values import Floats
 from mrwork.dampers import damper
 from mrwork.errors import RecordError
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, Likeness, Outside
 from mrwork.records.damper_test import range_of_tests
+from mrwork.records.motion import regular_cycles
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import (
     Band,
@@ -320,6 +322,22 @@ def test_cycles_of_a_spring_and_dashpot_have_their_closed_form() -> None:
     chirp = np.sin(2.0 * np.pi * np.linspace(0.0, 4.0, 801) ** 2)
     assert has_regular_cycles(test)
     assert not has_regular_cycles(replace(test, displacement=chirp))
+
+
+def test_cycles_of_a_prediction_are_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = list[int]()
+
+    def counting(displacement: Floats) -> tuple[slice, ...]:
+        found.append(displacement.size)
+        return regular_cycles(displacement)
+
+    calibration = calibrate(group(np.random.default_rng(5), 8), held_out="")
+    monkeypatch.setattr("mrwork.uncertainty.bands.prediction.regular_cycles", counting)
+    asked = Prediction(test=sinusoid(0.01, 2.0), model_force=sinusoid(0.01, 2.0).force)
+    band = band_of(calibration, asked, 0.9)
+    assert calibration.least_by_chance(asked, band) > 0.0
+    assert calibration.new_kind([asked]) is None
+    assert found == [asked.test.n_counted]
 
 
 @pytest.mark.parametrize(("fold", "left_in"), [("test", [5] * 6), ("motion", [4] * 3), ("command", [3] * 2)])

@@ -147,15 +147,19 @@ def test_an_interval_brings_its_verdict_and_leaves_the_standard_error() -> None:
         interval=interval(100.0, 9000.0),
         verdict=Verdict("weakly identifiable", "wide"),
     )
-    found = spring.judged_by(profile)
+    found = spring.judged_by(profile, counts_more=False)
     assert (found.verdict, found.interval, found.standard_error) == (
         profile.verdict,
         profile.interval,
         5100.0,
     )
-    tied = replace(spring, verdict=Verdict("tied"), tie="2*c").judged_by(replace(profile, verdict=Verdict()))
+    # Where the error of the fit, which is larger, counts more than the interval does, its verdict stays.
+    kept = spring.judged_by(profile, counts_more=True)
+    assert (kept.verdict, kept.interval) == (spring.verdict, profile.interval)
+    unjudged = replace(profile, verdict=Verdict())
+    tied = replace(spring, verdict=Verdict("tied"), tie="2*c").judged_by(unjudged, counts_more=False)
     assert (tied.verdict.word, tied.interval) == ("tied", profile.interval)
-    assert spring.judged_by(None) == spring
+    assert spring.judged_by(None, counts_more=False) == spring
 
 
 def test_a_verdict_is_equal_to_its_word_and_to_one_with_the_same_reason():

@@ -115,12 +115,11 @@ def told_remarks(
 
 
 def notes_on_verdicts(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:
-    """Lines on what verdicts mean, and where those of the fit come from if not from the intervals that are shown."""
-    notes = [f"  {remark.in_words}" for remark in fit.remarks if remark.code == "residual_is_structure"]
-    if (interval := fit.an_interval) is None or interval.kind != kind:
-        source = "standard errors" if interval is None else f"{interval.heading}s"
-        notes.append(f"  the verdicts of the fit, and of its page, stay those by its {source}")
-    return notes
+    """A line on where the verdicts of the fit come from if not from the intervals that are shown."""
+    if (interval := fit.an_interval) is not None and interval.kind == kind:
+        return []
+    source = "standard errors" if interval is None else f"{interval.heading}s"
+    return [f"  the verdicts of the fit, and of its page, stay those by its {source}"]
 
 
 def renew_page(options: argparse.Namespace, folder: Path, *, summary: bool = False) -> int:

@@ -233,13 +233,13 @@ class Box:
         return logistic + xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
 
 
-def bound_at(box: Box, index: int, value: float) -> Literal["", "lower", "upper"]:
-    """The bound on which a value of a parameter of the box lies; empty where it lies between them."""
+def bound_at(box: Box, index: int, value: float, near: float = ON_BOUND) -> Literal["", "lower", "upper"]:
+    """The bound that is within a share `near` of the range of a value of the box; empty where none is."""
     lower, upper = box.lower[index], box.upper[index]
     if box.log[index]:
         lower, upper, value = np.log(lower), np.log(upper), np.log(value)
     unit = (value - lower) / (upper - lower)
-    return "lower" if unit < ON_BOUND else "upper" if unit > 1.0 - ON_BOUND else ""
+    return "lower" if unit <= near else "upper" if unit >= 1.0 - near else ""
 
 
 class OfPoints:

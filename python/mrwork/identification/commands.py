@@ -20,6 +20,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
+from mrwork.records.window import cut
 
 
 @array_dataclass()
@@ -85,9 +86,14 @@ def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
 
 
 def excerpts_at(problem: Problem, theta: Floats) -> Objective:
-    """The objective on the parts of the tests, or on whole ones where its steps do not resolve `theta`, (n_params,)."""
-    excerpts = problem.objective.on(problem.form.spec, excerpts_of(problem))
-    return excerpts if np.isfinite(excerpts(theta[None])[0]) else problem.objective
+    """The objective on the parts of the tests, with every sample where fewer do not resolve `theta`, (n_params,)."""
+    parts = excerpts_of(problem)
+    excerpts = problem.objective.on(problem.form.spec, parts)
+    if np.isfinite(excerpts(theta[None])[0]):
+        return excerpts
+    pairs = zip(problem.objective.tests, parts, strict=True)
+    whole = tuple(cut(test, start=part.time[0], end=part.time[-1] + part.dt) for test, part in pairs)
+    return problem.objective.on(problem.form.spec, whole)
 
 
 def laws_at(laws: Mapping[str, LawName | CommandLaw], commands: Floats) -> dict[str, CommandLaw]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import Box, bound_at
+from mrwork.dampers.coordinates import ON_BOUND, bound_at
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import ParameterState
 from mrwork.identification.objective import NormalEquations, Objective, linearise_residuals
@@ -52,7 +52,7 @@ class Slopes:
         return [
             index
             for index in self.form.box.free
-            if state_of(self.form.box, index, float(self.theta[index])) == ""
+            if state_of(self.form, index, float(self.theta[index])) == ""
         ]
 
     @property
@@ -196,7 +196,7 @@ def states_of(form: Form, theta: Floats) -> tuple[ParameterState, ...]:
 
     Such a parameter depends only on parameters of the form, `theta`, (n_params,), that are fixed or on a bound.
     """
-    texts = [state_of(form.box, index, float(value)) for index, value in enumerate(theta)]
+    texts = [state_of(form, index, float(value)) for index, value in enumerate(theta)]
     states: list[ParameterState] = []
     for row in form.to_model.jacobian(theta):
         used = {texts[index] for index in np.flatnonzero(row)}
@@ -205,9 +205,13 @@ def states_of(form: Form, theta: Floats) -> tuple[ParameterState, ...]:
     return tuple(states)
 
 
-def state_of(box: Box, index: int, value: float) -> ParameterState:
-    """State of a parameter that is fixed or on a bound of the box; empty for others."""
-    if index not in box.free:
+def state_of(form: Form, index: int, value: float) -> ParameterState:
+    """State of a parameter of the form, or of an effect after them, that is fixed or on a bound; empty for others.
+
+    The range of an effect is of all rigs, and a mass of 0.1 kg on a light one no bound: an effect is on the bound that
+    it has reached.
+    """
+    if index not in form.box.free:
         return "fixed"
     states: dict[str, ParameterState] = {"": "", "lower": "at lower bound", "upper": "at upper bound"}
-    return states[bound_at(box, index, value)]
+    return states[bound_at(form.box, index, value, ON_BOUND if index < len(form.spec.names) else 0.0)]

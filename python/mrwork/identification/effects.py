@@ -148,7 +148,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
             standard_error=error if np.isfinite(error) else None,
             lower=box.lower[index],
             upper=box.upper[index],
-            state=state_of(box, index, value),
+            state="told by sliders" if known else state_of(fitted.form, index, value),
         )
         for index, (effect, value), error in zip(
             range(n_own, len(box.names)), values.items(), errors.tolist(), strict=True
@@ -484,7 +484,8 @@ def _known(problem: Problem) -> set[Effect]:
 def _weigh(problem: Problem, covariance: Covariance) -> _Weighing | None:
     """Effects on the recorded force that pay beside a fit without them, or that a wrong model does not tell.
 
-    Excerpts are fitted, by the model where that is worth it, and by sliders.
+    Excerpts are fitted by sliders, and by the model where that is worth it: where its misfit would fall by far, and not
+    stay above that with which sliders predict parts, so that these decide whatever the model would have.
     """
     slopes, known = covariance.slopes, _known(problem)
     tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
@@ -494,27 +495,34 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Weighing | None:
     normal = at_zero.normal()
     step = normal.steps(np.ones((1, len(tests))), _held(at_zero))
     sets = [effects for effects in _SETS if not known & {*effects}]
-    is_worth = normal.after(step[:, None]).sum() < (1.0 - _WORTH_A_FIT) * normal.squared.sum()
+    after = float(normal.after(step[:, None]).sum())
+    is_worth = after < (1.0 - _WORTH_A_FIT) * normal.squared.sum()
     excerpts, groups = excerpts_at(problem, theta), _frequency_groups(tests)
-    modelled = _fit_with(excerpts, form, sets if is_worth else [], theta)
-    by_model = [
-        FitWithEffects.of(fitted, effects, groups) for fitted, effects in zip(modelled, sets, strict=False)
-    ]
     own = Slopes.at(excerpts, form, theta)
     _, earlier = _predict_parts(excerpts.tests, own.residuals, own.by_free, groups, held=_held(own))
-    weighed = by_model
-    by_sliders, earlier_sliders = _weigh_by_sliders(excerpts.tests, sets, groups)
-    if min(each.predicted for each in by_sliders) < min([earlier, *(each.predicted for each in by_model)]):
-        weighed, earlier = by_sliders, earlier_sliders
-    weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
-    paying = [each for each in weighed if each.is_significant and each.predicted < _PAYS * earlier]
-    best = next((each for each in paying if each.predicted < max(_WRONG, _BEYOND_DOUBT * earlier)), None)
+    weighed, earlier_sliders = _weigh_by_sliders(excerpts.tests, sets, groups)
+    by_sliders = min(each.predicted for each in weighed)
+    by_model = list[FitWithEffects]()
+    if not (by_sliders < min(earlier, np.sqrt(after)) and _best_of(weighed, earlier_sliders)):
+        modelled = _fit_with(excerpts, form, sets if is_worth else [], theta)
+        by_model = [
+            FitWithEffects.of(fitted, effects, groups)
+            for fitted, effects in zip(modelled, sets, strict=False)
+        ]
+    if by_sliders < min([earlier, *(each.predicted for each in by_model)]):
+        earlier = earlier_sliders
+    else:
+        weighed = by_model
+    weighed.sort(key=_preference)
+    best = _best_of(weighed, earlier)
     misfit = float(np.linalg.norm(slopes.residuals))
     least = min([misfit, *(each.misfit for each in by_model)])
     is_noise = least * np.sqrt(np.mean([test.variance for test in slopes.objective.compared])) <= (
         STRUCTURE * force_noise(tests)
     )
-    may_pay = bool(paying) or (not is_noise and (least >= _WRONG or least < _BEYOND_DOUBT * misfit))
+    may_pay = bool(_paying(weighed, earlier)) or (
+        not is_noise and (least >= _WRONG or least < _BEYOND_DOUBT * misfit)
+    )
     return _Weighing(
         problem=problem,
         theta=theta,
@@ -525,6 +533,23 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Weighing | None:
         least=least,
         is_told=best is not None or (may_pay and not any(pooled_commands(tests, (problem.spec,)))),
     )
+
+
+def _preference(fit: FitWithEffects) -> float:
+    return fit.predicted * (_SIMPLER if len(fit.effects) == 1 else 1.0)
+
+
+def _paying(weighed: Sequence[FitWithEffects], earlier: float) -> list[FitWithEffects]:
+    """The fits of which each effect is significant, and pays beside the misfit of predictions without any."""
+    return [each for each in weighed if each.is_significant and each.predicted < _PAYS * earlier]
+
+
+def _best_of(weighed: Sequence[FitWithEffects], earlier: float) -> FitWithEffects | None:
+    """The preferred one of the fits that pay, and are not of a model that describes too little."""
+    sound = [
+        each for each in _paying(weighed, earlier) if each.predicted < max(_WRONG, _BEYOND_DOUBT * earlier)
+    ]
+    return min(sound, key=_preference, default=None)
 
 
 def _weigh_by_sliders(

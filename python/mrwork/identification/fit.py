@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from operator import attrgetter
 from statistics import median
@@ -13,7 +13,7 @@ from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
 from mrwork.base.plotted import Plotted
-from mrwork.base.remark import Remark
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Column, Table, as_json
 from mrwork.base.values import Floats, array_dataclass
@@ -31,7 +31,16 @@ from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import built, digest_of
 
-ParameterState = Literal["", "fixed", "at lower bound", "at upper bound"]
+ParameterState = Literal["", "fixed", "at lower bound", "at upper bound", "told by sliders"]
+
+# Errors of a fit above this multiple of those by the likelihood alone are of something that no likelihood counts.
+_FURTHER = 1.5
+_LIKELIHOOD_ALONE = RemarkKind(
+    "errors_of_likelihood",
+    "errors of the fit are larger than the ones here, those of {0}: they count how far a mass, a lag or a delay moves "
+    "where tests are left out, and a likelihood of the residuals does not",
+    "quote the errors of the fit",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,11 +76,19 @@ class FittedParameter:
         """Whether the search ended with the parameter at its lower or upper bound."""
         return self.state in ("at lower bound", "at upper bound")
 
-    def judged_by(self, row: Judged | None) -> FittedParameter:
-        """The parameter with the interval that a row has of it, if any, and with the verdict by that if it has one."""
+    def judged_by(self, row: Judged | None, *, counts_more: bool) -> FittedParameter:
+        """The parameter with the interval that a row has of it, if any, and with the verdict by that if it has one.
+
+        Where the error of the fit `counts_more` than a likelihood, and is larger, its verdict stays.
+        """
         if row is None or row.interval is None:
             return self
-        return replace(self, interval=row.interval, verdict=row.verdict if row.verdict.word else self.verdict)
+        stays = not row.verdict.word or (counts_more and self.times(row.interval.error) > _FURTHER)
+        return replace(self, interval=row.interval, verdict=self.verdict if stays else row.verdict)
+
+    def times(self, error: float) -> float:
+        """The standard error as a multiple of another `error`; zero where one of them is not known."""
+        return self.standard_error / error if self.standard_error and error > 0.0 else 0.0
 
     def in_words(self, *, by_interval: bool) -> tuple[str, str]:
         """Value and uncertainty for a terminal: an interval, or a standard error with the digits that it leaves."""
@@ -449,14 +466,20 @@ class Fit(Plotted, WithAxes, Summarised):
         return {effect: values[effect.parameter] for effect in EFFECTS.values() if effect.parameter in values}
 
     @property
-    def names_with_effects(self) -> tuple[str, ...]:
-        """Names of the parameters in spec order, and then of the fitted effects on the recorded force."""
-        return tuple(estimate.name for estimate in self.fitted)
+    def varied(self) -> tuple[FittedParameter, ...]:
+        """The parameters, and the effects that vary with them: those that sliders have told are given to the model."""
+        return (*self.estimates, *(effect for effect in self.effects if effect.state != "told by sliders"))
 
     @property
-    def theta_with_effects(self) -> tuple[float, ...]:
-        """Parameter values in spec order, and then those of the fitted effects on the recorded force."""
-        return tuple(estimate.value for estimate in self.fitted)
+    def varied_effects(self) -> tuple[Effect, ...]:
+        """The effects on the recorded force that vary with the parameters."""
+        names = {estimate.name for estimate in self.varied}
+        return tuple(effect for effect in self.effect_values if effect.parameter in names)
+
+    @property
+    def varied_values(self) -> tuple[float, ...]:
+        """Values of the parameters in spec order, and then of the effects that vary with them."""
+        return tuple(estimate.value for estimate in self.varied)
 
     @property
     def theta(self) -> tuple[float, ...]:
@@ -486,10 +509,11 @@ class Fit(Plotted, WithAxes, Summarised):
     @checked
     def with_intervals(self, judged: Sequence[Judged]) -> Fit:
         """The fit with the intervals of `Profiles.profiles` or `Draws.summaries`, and the verdicts by them."""
-        of = {row.name: row for row in judged}
-        return replace(
-            self, estimates=tuple(estimate.judged_by(of.get(estimate.name)) for estimate in self.estimates)
-        )
+        of, counts_more = {row.name: row for row in judged}, bool(self.effects)
+        estimates = [
+            estimate.judged_by(of.get(estimate.name), counts_more=counts_more) for estimate in self.estimates
+        ]
+        return replace(self, estimates=tuple(estimates))
 
     @property
     def times_noise(self) -> float | None:
@@ -625,6 +649,22 @@ class Fit(Plotted, WithAxes, Summarised):
             tables=tables,
             notes=[direction.sentence for direction in self.informative],
         )
+
+
+def beside_likelihood(fit: Fit, errors: Mapping[str, float]) -> Iterator[Remark]:
+    """What `errors` of parameters by a likelihood, by their names, do not count: a wrong model, and effects.
+
+    Errors that are not finite are not compared.
+    """
+    yield from (remark for remark in fit.remarks if remark.code == "residual_is_structure")
+    if not fit.effects:
+        return
+    times = {each.name: each.times(errors[each.name]) for each in fit.fitted if each.name in errors}
+    larger = [name for name, ratio in times.items() if ratio > _FURTHER]
+    if larger:
+        ratios = list_names([f"{name} {times[name]:.2g} times" for name in larger])
+        most = Measured(max(times[name] for name in larger), "")
+        yield _LIKELIHOOD_ALONE.remark(ratios, measured=most)
 
 
 # What the tests of a fit have in tables and in arrays.

@@ -26,7 +26,7 @@ from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import points_from_optimiser, points_from_race
-from mrwork.identification.minimise.polish import FinalFit, StartingPoints
+from mrwork.identification.minimise.polish import FinalFit, StartingPoints, at_least_linear
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying
@@ -176,19 +176,20 @@ def identify_with(
 def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: str, threads: int = 0) -> Fit:
     """The fit to its tests anew from a point of less misfit, (n_params,), that what is named has found.
 
-    Effects that it has found are found again.
+    Effects that it has found are found again; those that sliders have told stay.
     """
     start = dict(zip(fit.spec.names, theta.tolist(), strict=True))
     moved = identify_with(
         fit.spec,
         tests,
-        replace(fit.settings.with_effects(dict.fromkeys(fit.effect_values, FREE)), starts=(start,)),
+        replace(fit.settings.with_effects(dict.fromkeys(fit.varied_effects, FREE)), starts=(start,)),
         threads=threads,
         warns=False,
         searched=(Problem.of_fit(fit, tuple(tests)).form.box, fit.trace),
         doubt=f"{found_by} found it, and no route of the search",
     )
-    return replace(moved, provenance=fit.provenance)
+    told = tuple(effect for effect in fit.effects if effect not in fit.varied)
+    return replace(moved, effects=(*told, *moved.effects), provenance=fit.provenance)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -250,7 +251,8 @@ class _Identification:
         def polish() -> FinalFit:
             # Without the driver's lag where the tests do not want it.
             on_step = partial(call.on_steps, "refinement")
-            return fit_effects(polish_with_wanted_lag(problem, points, on_step=on_step))
+            wanted = polish_with_wanted_lag(problem, points, on_step=on_step)
+            return fit_effects(at_least_linear(wanted, on_step=on_step))
 
         keep(points.theta[0])
         ended = interruptible(polish)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
+from statistics import NormalDist
 from typing import Literal, Protocol, runtime_checkable
 
 from mrwork.base.arguments import Level
@@ -79,6 +81,13 @@ class Interval:
     def heading(self) -> str:
         """Heading of a column of such intervals."""
         return f"{100.0 * self.level:g} % {self.kind} interval"
+
+    @property
+    def error(self) -> float:
+        """The standard deviation of a normal density of this interval, in its unit; infinite where an end is open."""
+        if self.lower is None or self.upper is None:
+            return inf
+        return 0.5 * (self.upper - self.lower) / NormalDist().inv_cdf(0.5 * (1.0 + self.level))
 
     @property
     def is_open(self) -> bool:

@@ -12,6 +12,7 @@ from mrwork.base.numbers import significant
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
+from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import STRUCTURE
 from mrwork.records import DamperTest
 from mrwork.records.checks import TEMPERATURE
@@ -41,12 +42,29 @@ def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False)
     groups: dict[object, list[DamperTest]] = {}
     for test in tests:
         groups.setdefault((set_points(test) or test.label) if follows_command else None, []).append(test)
-    squares = [square for group in groups.values() for square in _linear_squares(group)]
+    squares = [square for group in groups.values() for square in _linear_fit(group)[1]]
     return float(np.sqrt(np.mean(squares)))
 
 
-def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
-    """Squared NRMSE of each test, for the one spring, dashpot and offset that minimise their sum."""
+def linear_start(form: Form, tests: Sequence[DamperTest]) -> Floats:
+    """Parameters of the form, (n_params,), with which it is about a linear spring and dashpot, fitted to the tests.
+
+    Yield forces are at their lower bounds, and what has no part in such a damper at its nominal value.
+    """
+    (stiffness, damping, offset), _ = _linear_fit(tests)
+    left = {"N/m": stiffness, "N s/m": damping, "N": offset, "m": -offset / (stiffness or 1.0)}
+    theta = form.spec.nominal.copy()
+    for index, parameter in enumerate(form.spec.parameters):
+        if parameter.scale == "log" and parameter.unit == "N":
+            theta[index] = form.box.lower[index]
+        elif parameter.unit in left and (parameter.scale == "offset" or parameter.unit in ("N/m", "N s/m")):
+            # Of several springs, dashpots or offsets the first has all.
+            theta[index] = left.pop(parameter.unit)
+    return np.asarray(form.box.inside(theta))
+
+
+def _linear_fit(tests: Sequence[DamperTest]) -> tuple[Floats, list[float]]:
+    """One spring, dashpot and offset, (3,), with the least sum of squared NRMSE of the tests, and those of each."""
     forces, motions = [], []
     for test in tests:
         force = test.force[test.counted]
@@ -57,7 +75,7 @@ def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
     scale = np.maximum(np.abs(np.concatenate(motions)).max(axis=0), np.finfo(np.float64).tiny)
     solution = np.linalg.lstsq(np.concatenate(motions) / scale, np.concatenate(forces), rcond=None)[0]
     residuals = [force - (motion / scale) @ solution for force, motion in zip(forces, motions, strict=True)]
-    return [float(residual @ residual) for residual in residuals]
+    return solution / scale, [float(residual @ residual) for residual in residuals]
 
 
 # Degrees between tests; a fluid loses a few tenths of a per cent of its force in each.

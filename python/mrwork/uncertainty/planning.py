@@ -25,7 +25,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.covariance import Slopes
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import linearised_without_effects
 from mrwork.identification.verdicts import scales_of
@@ -162,14 +162,14 @@ class LinearisedPosterior:
     ) -> LinearisedPosterior:
         """The linearised posterior of a fit."""
         without = Problem.of_fit(fit, as_tests(tests), threads=threads)
-        problem = without.freeing(fit.effect_values)
+        problem = without.freeing(fit.varied_effects)
         if problem.settings.ties:
             tied = ", ".join(problem.settings.ties)
             raise SettingError(
                 f"the fit has tied {tied}, and the choice of the next test knows no ties; plan with a fit without them"
             )
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
-        theta = problem.inside(fit.theta_with_effects)
+        theta = problem.inside(fit.varied_values)
         slopes = Slopes.at(objective, problem.form, theta)
         residuals, derivative = slopes.residuals, slopes.by_free.T * box.unit_slope(theta)
         weight = slopes.dof / float(residuals @ residuals)
@@ -194,6 +194,13 @@ class LinearisedPosterior:
             each=fit.settings.effects_of_each,
             threads=threads,
         )
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard deviations of the free parameters by name, each in its unit."""
+        variances = np.diag(np.linalg.inv(self.precision))
+        errors = np.sqrt(np.maximum(variances, 0.0)) * self.box.unit_slope(self.theta)
+        return dict(zip(self.box.free_names, errors.tolist(), strict=True))
 
 
 @checked
@@ -273,7 +280,11 @@ def plan(
         gap=fit.tested.gap,
         command_unit=posterior.spec.command_unit,
         left_out=left_out,
-        remarks=(*failed, *_repeating_motions(as_tests(tests), fit.tested)),
+        remarks=(
+            *failed,
+            *_repeating_motions(as_tests(tests), fit.tested),
+            *beside_likelihood(fit, posterior.errors),
+        ),
     )
 
 

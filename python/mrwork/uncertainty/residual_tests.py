@@ -14,8 +14,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.command import steps_of_command
 from mrwork.identification.covariance import effective_samples
 from mrwork.records import DamperTest
-from mrwork.records.motion import reversals, whole_cycles
-from mrwork.uncertainty.bands.prediction import has_regular_cycles
+from mrwork.records.motion import regular_cycles, reversals
 
 # Lags of the Ljung-Box test, and the significance level of both tests.
 LAGS = 10
@@ -194,8 +193,8 @@ def _fast_to_slow(centred: Floats, speed: Floats) -> float:
 
 def _repeated_share(test: DamperTest, residual: Floats) -> float:
     """Variance between phases of the cycle, corrected for the scatter from cycle to cycle, as a share of both."""
-    cycles = whole_cycles(test.displacement[test.counted])
-    if len(cycles) < _LEAST_CYCLES or not has_regular_cycles(test):
+    cycles = regular_cycles(test.displacement[test.counted])
+    if len(cycles) < _LEAST_CYCLES:
         return np.nan
     phases = np.linspace(0.0, 1.0, _PHASES, endpoint=False)
     # The nearest samples: interpolation between two would reduce the noise.

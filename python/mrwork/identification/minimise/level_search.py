@@ -31,7 +31,7 @@ from mrwork.identification.equivalent import (
     within_range,
 )
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.plain_search import evolved, optimise, plain_routes
+from mrwork.identification.minimise.plain_search import Population, optimise, plain_routes
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
 from mrwork.identification.minimise.race import (
     Raced,
@@ -231,25 +231,19 @@ class _LevelSearch:
         on_search = self._part(fitted, lambda theta: self._in_own_laws(theta[None])[0])
         objective, box = self.on_searched, self.joint.box
         plain, plain_box = plain_of(self.problem.form)
-        searched = search_box(plain, plain_box, objective.tests)
-        laws_of = scaled_laws(self.joint, objective.tests, self.commands)
-
-        def draw_scaled(number: int) -> Floats:
-            return evolved(
-                objective,
-                plain_box,
-                searched,
-                self.settings,
-                rng=seed,
-                number=number,
-                on_search=on_search,
-                laws_of=laws_of,
-            )
-
+        population = Population(
+            objective=objective,
+            box=plain_box,
+            searched=search_box(plain, plain_box, objective.tests),
+            settings=self.settings,
+            rng=seed,
+            on_search=on_search,
+            laws_of=scaled_laws(self.joint, objective.tests, self.commands),
+        )
         return race(
             objective,
             box,
-            (Route(name=_LEVELS, draw=starts), Route(name=_SCALED, draw=draw_scaled)),
+            (Route(name=_LEVELS, draw=starts), Route(name=_SCALED, draw=population.elite)),
             self.settings,
             searched=search_box(self.joint.spec, box, self.on_tests.tests),
             rng=seed,
@@ -310,14 +304,7 @@ class _LevelSearch:
         else:
 
             def draw_elite(number: int) -> Floats:
-                elite, _ = optimise(
-                    search,
-                    objective,
-                    searched.theta_from_unit,
-                    n_params=len(searched.free),
-                    rng=rng + number,
-                    on_search=on_search,
-                )
+                elite, _ = optimise(search, objective, searched, rng=rng + number, on_search=on_search)
                 return np.concatenate([starts, elite])
 
             routes = (Route(name=search.name, draw=draw_elite),)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,6 @@ from mrwork.identification.fit import SearchTrace
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
 from mrwork.identification.minimise.race import (
     Route,
-    distinct_minima,
     draw_samples,
     in_round,
     minima_from,
@@ -60,15 +59,7 @@ def points_from_race(problem: Problem, search: Race, *, call: Identifying) -> St
         rng=rng,
         on_search=on_search,
     )
-    if not len(raced.theta):
-        raise no_simulation(form.spec, objective.tally.simulations)
-    return StartingPoints(
-        objective=raced.objective,
-        form=form,
-        theta=distinct_minima(form.box, raced.theta, raced.misfit),
-        trace=raced.trace,
-        doubt=raced.doubt,
-    )
+    return StartingPoints.of_race(raced, form)
 
 
 def plain_routes(
@@ -90,65 +81,59 @@ def plain_routes(
 
     def draw_local(number: int) -> Floats:
         for each in (low, objective):
-            samples = draw_samples(
-                each,
-                box,
-                wide.theta_from_unit,
-                len(wide.free),
-                in_round(settings, number),
-                rng=rng,
-                number=number,
-            )
+            samples = draw_samples(each, box, wide, settings, rng=rng, number=number)
             # Fixed parameters may make every candidate stiff.
             if len(samples):
                 break
         return samples if number or near is None else np.concatenate([near, samples])
 
-    def draw_population(number: int) -> Floats:
-        return evolved(objective, box, searched, settings, rng=rng, number=number, on_search=on_search)
+    population = Population(
+        objective=objective, box=box, searched=searched, settings=settings, rng=rng, on_search=on_search
+    )
+    return Route(name=SAMPLES, draw=draw_local), Route(name=POPULATION, draw=population.elite)
 
-    return Route(name=SAMPLES, draw=draw_local), Route(name=POPULATION, draw=draw_population)
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Population:
+    """Differential evolution as a route: half of its first members are in `searched`, the others in wider ranges.
 
-def evolved(
-    objective: Objective,
-    box: Box,
-    searched: Box,
-    settings: Race,
-    *,
-    rng: int,
-    number: int,
-    on_search: OnSearch,
-    laws_of: Callable[[Floats], Floats] = lambda theta: theta,
-) -> Floats:
-    """Elite of differential evolution in a round, (n_elite, n_params); half of its first members are in `searched`.
-
-    The others are in ranges ten times as wide within `box`, and so is what evolves. `laws_of` maps parameters of the
-    box to those of the objective. Stiff candidates cost most, so that few are simulated, unless all are stiff.
+    These are ten times as wide within `box`, and so is what evolves. `laws_of` maps parameters of the box to those of
+    the objective. Stiff candidates cost most, so that few are simulated, unless all are stiff.
     """
-    from mrwork.search.evolution import DifferentialEvolution
-    from mrwork.search.rules import StopRules
 
-    stop = StopRules(max_generations=in_round(settings, number).generations)
-    search = DifferentialEvolution(population=settings.population, stop=stop)
-    wide = widened(searched, box)
-    first = search.start(len(wide.free), rng + number)
-    unit = first.population.copy()
-    within = np.asarray(wide.unit_from_theta(np.asarray(searched.theta_from_unit(unit[::2]))))
-    unit[::2] = np.clip(within, 0.0, 1.0)
-    limit = (_STIFFER if number else 1.0) * friction_limit(objective.tests)
-    for limited in (up_to(objective, min(limit, objective.stiffest)), objective):
-        with suppress(SimulationError):
-            return optimise(
-                search,
-                limited,
-                lambda unit: laws_of(np.asarray(wide.theta_from_unit(unit))),
-                n_params=len(wide.free),
-                rng=rng + number,
-                on_search=on_search,
-                state=replace(first, population=unit),
-            )[0]
-    return np.empty((0, len(objective.spec.names)))
+    objective: Objective
+    box: Box
+    searched: Box
+    settings: Race
+    rng: int
+    on_search: OnSearch
+    laws_of: Callable[[Floats], Floats] = lambda theta: theta
+
+    def elite(self, number: int) -> Floats:
+        """Its best points that are far apart in a round, (n_elite, n_params)."""
+        from mrwork.search.evolution import DifferentialEvolution
+        from mrwork.search.rules import StopRules
+
+        stop = StopRules(max_generations=in_round(self.settings, number).generations)
+        search = DifferentialEvolution(population=self.settings.population, stop=stop)
+        wide, objective = widened(self.searched, self.box), self.objective
+        first = search.start(len(wide.free), self.rng + number)
+        unit = first.population.copy()
+        within = np.asarray(wide.unit_from_theta(np.asarray(self.searched.theta_from_unit(unit[::2]))))
+        unit[::2] = np.clip(within, 0.0, 1.0)
+        limit = (_STIFFER if number else 1.0) * friction_limit(objective.tests)
+        for limited in (up_to(objective, min(limit, objective.stiffest)), objective):
+            with suppress(SimulationError):
+                return optimise(
+                    search,
+                    limited,
+                    wide,
+                    rng=self.rng + number,
+                    on_search=self.on_search,
+                    laws_of=self.laws_of,
+                    state=replace(first, population=unit),
+                )[0]
+        return np.empty((0, len(objective.spec.names)))
 
 
 def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identifying) -> StartingPoints:
@@ -156,14 +141,7 @@ def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identify
     objective, form = problem.objective, problem.form
     box = search_box(form.spec, form.box, objective.tests)
 
-    elite, trace = optimise(
-        search,
-        objective,
-        box.theta_from_unit,
-        n_params=len(box.free),
-        rng=problem.settings.rng,
-        on_search=call.on_search,
-    )
+    elite, trace = optimise(search, objective, box, rng=problem.settings.rng, on_search=call.on_search)
     theta = minima_from(
         objective, form.box, elite[:_STARTS], on_iteration=partial(report_minima, call, "", trace)
     )
@@ -178,18 +156,21 @@ def alone_doubt(search: Optimiser) -> str:
 def optimise(
     search: Optimiser,
     objective: Objective,
-    theta_of: Callable[[Floats], Floats],
+    box: Box,
     *,
-    n_params: int,
     rng: int,
     on_search: OnSearch,
+    laws_of: Callable[[Floats], Floats] = lambda theta: theta,
     state: State | None = None,
 ) -> tuple[Floats, SearchTrace]:
-    """The elite of a search over unit vectors, (n_elite, n_params), which `theta_of` maps to parameters, and its trace.
+    """The elite of a search in a box, whose parameters `laws_of` maps, (n_elite, n_params), and its trace.
 
     The elite are its best points that are far apart, best first.
     """
     from mrwork.search import run_search
+
+    def theta_of(unit: Floats) -> Floats:
+        return laws_of(np.asarray(box.theta_from_unit(unit)))
 
     def trace_of(search: SearchResult) -> SearchTrace:
         return SearchTrace(
@@ -214,11 +195,11 @@ def optimise(
         search,
         lambda unit: objective(theta_of(unit)),
         rng=rng,
-        n_params=n_params,
+        n_params=len(box.free),
         state=state,
         on_generation=on_generation,
         journal=objective.journal,
     )
     if not len(result.elite):
         raise no_simulation(objective.spec, result.evaluations)
-    return np.asarray(theta_of(result.elite)), trace_of(result)
+    return theta_of(result.elite), trace_of(result)

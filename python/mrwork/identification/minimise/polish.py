@@ -16,10 +16,12 @@ from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import FittedParameter, SearchTrace
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, OnStep, find_minima
+from mrwork.identification.minimise.race import Raced, distinct_minima
 from mrwork.identification.minimise.stiffness import nearest_below_stiffness
 from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Start
+from mrwork.identification.suspicious import linear_misfit, linear_start
 
 # Largest number of iterations of the final fit.
 _MOST_ITERATIONS = 100
@@ -40,6 +42,14 @@ class StartingPoints:
     theta: Floats
     trace: SearchTrace
     doubt: str = ""
+
+    @classmethod
+    def of_race(cls, raced: Raced, form: Form) -> StartingPoints:
+        """The distinct minima of a race in the box of a form; an error where every simulation has failed."""
+        if not len(raced.theta):
+            raise no_simulation(form.spec, raced.objective.tally.simulations)
+        theta = distinct_minima(form.box, raced.theta, raced.misfit)
+        return cls(objective=raced.objective, form=form, theta=theta, trace=raced.trace, doubt=raced.doubt)
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.
@@ -112,3 +122,16 @@ def polish(problem: Problem, starts: Floats, *, on_step: OnStep) -> FinalFit:
         ).best
     covariance = Covariance.of(Slopes.at(objective, form, ended.theta))
     return FinalFit(problem=problem, covariance=covariance, steps=ended.steps, converged=ended.converged)
+
+
+def at_least_linear(ended: FinalFit, *, on_step: OnStep) -> FinalFit:
+    """The fit, or that from the linear damper within a plain model where this describes the tests better.
+
+    Loops that are nearly straight in one stroke take the part of a spring, along a valley without an end.
+    """
+    problem, misfit = ended.problem, float(np.linalg.norm(ended.covariance.slopes.residuals))
+    tests = problem.objective.tests
+    if problem.spec.command_unit is not None or misfit < linear_misfit(tests):
+        return ended
+    start = linear_start(problem.form, tests)[None]
+    return ended if problem.objective(start)[0] >= misfit else polish(problem, start, on_step=on_step)

@@ -231,20 +231,21 @@ def with_best_forces(objective: Objective, box: Box, theta: Floats) -> tuple[Flo
 def draw_samples(
     objective: Objective,
     box: Box,
-    theta_of: Callable[[Floats], Floats],
-    n_params: int,
+    sampled: Box,
     settings: Race,
     *,
     rng: Seed,
-    number: int = 0,
+    number: int,
+    laws_of: Callable[[Floats], Floats] = lambda theta: theta,
 ) -> Floats:
-    """Starts of a round from samples of the unit cube, which `theta_of` maps to parameters, (n_starts, n_params).
+    """Starts of a round from samples of the box `sampled`, whose parameters `laws_of` maps, (n_starts, n_params).
 
     Half are the best samples, the others any that can be simulated.
     """
-    count, began = settings.samples * n_params, objective.tally.steps
+    settings, n_params, began = in_round(settings, number), len(sampled.free), objective.tally.steps
+    count = settings.samples * n_params
     unit = latin_hypercube(Streams(rng=rng, generation=number), count, n_params)
-    drawn = np.asarray(theta_of(unit))
+    drawn = laws_of(np.asarray(sampled.theta_from_unit(unit)))
     theta, misfit = with_best_forces(objective, box, drawn)
     order = np.argsort(misfit, kind="stable")[: np.count_nonzero(np.isfinite(misfit))]
     steps = max(objective.tally.steps - began, 1) / count

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.commands import CommandedTests, excerpts_of
 from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box, widened
-from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, alone_doubt, evolved, optimise
-from mrwork.identification.minimise.polish import StartingPoints, no_simulation
-from mrwork.identification.minimise.race import Route, distinct_minima, draw_samples, in_round, race
+from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, Population, alone_doubt, optimise
+from mrwork.identification.minimise.polish import StartingPoints
+from mrwork.identification.minimise.race import Route, draw_samples, race
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import EXCERPTS, Identifying, part_of
 from mrwork.identification.settings import Race
@@ -98,40 +96,31 @@ def points_from_scaled_forces(
     on_search = part_of(call.on_search, 0.0, 1.0, fitted=EXCERPTS)
     settings = search if isinstance(search, Race) else Race(most_rounds=1)
 
-    def from_unit(ranges: Box, unit: Floats) -> Floats:
-        return laws_of(np.asarray(ranges.theta_from_unit(unit)))
-
     def with_rates(starts: Floats) -> Floats:
         if spec.lagged:
             starts[:, -1] *= np.resize(_RATES, len(starts))
         return starts
 
     def draw_local(number: int) -> Floats:
-        laws = partial(from_unit, wide)
         return with_rates(
-            draw_samples(
-                objective, form.box, laws, len(wide.free), in_round(settings, number), rng=rng, number=number
-            )
+            draw_samples(objective, form.box, wide, settings, rng=rng, number=number, laws_of=laws_of)
         )
 
+    population = Population(
+        objective=objective,
+        box=box,
+        searched=searched,
+        settings=settings,
+        rng=rng,
+        on_search=on_search,
+        laws_of=laws_of,
+    )
+
     def draw_population(number: int) -> Floats:
-        laws, n_params = partial(from_unit, searched), len(searched.free)
         if isinstance(search, Race):
-            return with_rates(
-                evolved(
-                    objective,
-                    box,
-                    searched,
-                    settings,
-                    rng=rng,
-                    number=number,
-                    on_search=on_search,
-                    laws_of=laws_of,
-                )
-            )
-        return with_rates(
-            optimise(search, objective, laws, n_params=n_params, rng=rng, on_search=on_search)[0]
-        )
+            return with_rates(population.elite(number))
+        elite, _ = optimise(search, objective, searched, rng=rng, on_search=on_search, laws_of=laws_of)
+        return with_rates(elite)
 
     routes = (Route(name=SAMPLES, draw=draw_local), Route(name=POPULATION, draw=draw_population))
     raced = race(
@@ -143,12 +132,5 @@ def points_from_scaled_forces(
         rng=rng,
         on_search=on_search,
     )
-    if not len(raced.theta):
-        raise no_simulation(spec, objective.tally.simulations)
-    return StartingPoints(
-        objective=raced.objective,
-        form=form,
-        theta=distinct_minima(form.box, raced.theta, raced.misfit),
-        trace=raced.trace,
-        doubt=raced.doubt if isinstance(search, Race) else alone_doubt(search),
-    )
+    points = StartingPoints.of_race(raced, form)
+    return points if isinstance(search, Race) else replace(points, doubt=alone_doubt(search))

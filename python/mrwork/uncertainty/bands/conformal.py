@@ -26,7 +26,6 @@ from mrwork.identification.covariance import effective_samples
 from mrwork.records import DamperTest, Likeness, OperatingRange, Outside
 from mrwork.records.damper_test import range_of_test, range_of_tests
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
-from mrwork.records.motion import regular_cycles
 from mrwork.uncertainty.bands.band import (
     Band,
     BandScore,
@@ -44,7 +43,7 @@ from mrwork.uncertainty.bands.error_shape import (
     best_variants_without_each,
     calibrate_shape,
 )
-from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
+from mrwork.uncertainty.bands.prediction import Prediction
 
 LEVELS = (0.5, 0.9, 0.95)
 # That of the coverage and the interval score that stand for a calibration.
@@ -131,10 +130,8 @@ def _least_by_binomial(prediction: Prediction, band: Band, chance: float) -> flo
     """Share of independent samples in a band; cycles of a motion that repeats err alike, and count as one."""
     import scipy  # slow to load
 
-    test = prediction.test
-    cycles = regular_cycles(test.displacement[test.counted])
     inside = (prediction.measured >= band.lower) & (prediction.measured <= band.upper)
-    n = max(round(effective_samples([inside - np.mean(inside)]) / max(len(cycles), 1)), 1)
+    n = max(round(effective_samples([inside - np.mean(inside)]) / max(prediction.n_cycles, 1)), 1)
     return float(np.searchsorted(scipy.special.bdtr(np.arange(n + 1), n, band.level), chance)) / n
 
 
@@ -226,7 +223,7 @@ class Calibration(Summarised):
         test = prediction.test
         demand = range_of_test(test, self.tested.command_unit)
         at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
-        motion = "" if has_regular_cycles(test) else "a motion like it, of "
+        motion = "" if prediction.n_cycles else "a motion like it, of "
         command = f" and {test.command_in_words}" if test.commands else ""
         return _NO_BAND.remark(
             *(test.label, *(exceedance.quantity for exceedance in untested)),
@@ -248,7 +245,7 @@ class Calibration(Summarised):
         beyond = self.beyond(prediction)
         sides = {side_of(exceedance) for exceedance in beyond}
         farther = [reach_of_test.scores for reach_of_test in self.reach if reach_of_test.side in sides]
-        own = self.scores.of(periodic=has_regular_cycles(prediction.test))
+        own = self.scores.of(periodic=prediction.n_cycles > 0)
         multiple = max(next_test_quantile(scores, level) for scores in (own, *farther))
         band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
         force, test = prediction.force, prediction.test
@@ -281,7 +278,7 @@ class Calibration(Summarised):
         """
         import scipy  # slow to load
 
-        scores, level = self.scores.of(periodic=has_regular_cycles(prediction.test)), band.level
+        scores, level = self.scores.of(periodic=prediction.n_cycles > 0), band.level
         chance = _BY_CHANCE / among
         if len(scores) < _LEAST_TO_SCATTER:
             return 0.0
@@ -308,7 +305,7 @@ class Calibration(Summarised):
     def new_kind(self, predictions: Sequence[Prediction]) -> Remark | None:
         """The warning of motions that do not repeat, or do, unlike all of the calibration; `None` without any."""
         repeats = self.n_repeating > 0
-        count = sum(has_regular_cycles(prediction.test) != repeats for prediction in predictions)
+        count = sum((prediction.n_cycles > 0) != repeats for prediction in predictions)
         if self.n_repeating not in (0, len(self.tests)) or not count:
             return None
         repeat = "does not repeat" if repeats else "repeats"

@@ -16,7 +16,7 @@ import numpy as np
 from mrwork.base.arguments import NotNegative
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.uncertainty.bands.band import pooled_quantile
-from mrwork.uncertainty.bands.prediction import Prediction, are_one_motion, has_regular_cycles, motion_of
+from mrwork.uncertainty.bands.prediction import Prediction, are_one_motion, motion_of
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
 _BINS = 24
@@ -42,7 +42,7 @@ class ErrorShape:
     def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
         """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
         centre = prediction.force
-        if self.bias and has_regular_cycles(prediction.test):
+        if self.bias and prediction.n_cycles:
             centre = centre + prediction.deviation * _over_cycle(prediction.phase, self.bias)
         return centre, self.scale(prediction.deviation, prediction.steepness)
 
@@ -114,7 +114,7 @@ class ErrorGroup:
             phase=phase,
             deviation=deviation,
             measured=measured,
-            periodic=all(has_regular_cycles(member.test) for member in members),
+            periodic=all(member.n_cycles for member in members),
             motion=motion_of(members[0].test),
             normal=terms * weight @ terms.T,
             right=terms @ (weight * np.abs(error)),

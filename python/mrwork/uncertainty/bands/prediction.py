@@ -65,7 +65,8 @@ class Prediction(Plotted, WithAxes, Summarised):
     only then does the error tell how the fit predicts. `outside` is what of the test lies outside the
     tested ranges of the fit. `other_forces` are of other sets of laws [N], shape (n_sets, n_time), and
     `sets_apart` how far they are apart where the tests of the fit end, `None` where the test does not reach there.
-    `substeps` is the number in a sample, `estimated` the effects that were estimated from the test itself.
+    `substeps` is the number in a sample, `estimated` the effects that were estimated from the test itself. `n_cycles`
+    are those of a compared motion that repeats, see `regular_cycles`, and none of any other: calibrations ask often.
     Properties are of the counted samples, shape (n_counted,).
     """
 
@@ -79,6 +80,10 @@ class Prediction(Plotted, WithAxes, Summarised):
     estimated: Observation = AS_IT_IS
     other_forces: Floats = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     sets_apart: SetsApart | None = None
+    n_cycles: int = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "n_cycles", len(regular_cycles(self.test.displacement[self.test.counted])))
 
     @property
     def force(self) -> Floats:

@@ -115,8 +115,7 @@ class Screening:
         for at_command in tests:
             few = objective.on(spec, unlike_tests(at_command, _DRAWN_ON))
             wide = widened(search_box(spec, box, few.tests), box)
-            n_free, rng = len(wide.free), self.settings.rng
-            drawn = draw_samples(few, box, wide.theta_from_unit, n_free, Race(), rng=rng)
+            drawn = draw_samples(few, box, wide, Race(), rng=self.settings.rng, number=0)
             if not len(drawn):
                 return Standing.of(spec, reason="it could not be simulated")
             starts.append(np.resize(drawn, (_STARTS, len(box.names))))

@@ -27,7 +27,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import Slopes, covariance
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.identify import moved_to
 from mrwork.identification.interval import Interval, Verdict, end_in_words
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -279,9 +279,9 @@ def profile(
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
     call = LongCall[Profiles](on_progress=on_progress)
-    problem = Problem.of_fit(fit, as_tests(tests), threads=threads).freeing(fit.effect_values)
+    problem = Problem.of_fit(fit, as_tests(tests), threads=threads).freeing(fit.varied_effects)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
-    theta = problem.inside(fit.theta_with_effects)
+    theta = problem.inside(fit.varied_values)
     profiled = _profiled_indices(box, parameters)
     scales = scales_of(spec, box, objective.tests, theta, objective.compared[0].free)
     slopes = Slopes.at(objective, problem.form, theta)
@@ -300,7 +300,7 @@ def profile(
         spring=problem.form.mirrored,
     )
 
-    def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
+    def result(sides: Sides, status: Literal["finished", "interrupted"], of: Fit = fit) -> Profiles:
         least = min(point.squared for side in sides.values() for point in side.points)
         improvement = signed_root(start.squared, least, course.dof) ** 2
         made = tuple(
@@ -325,9 +325,14 @@ def profile(
             n_effective=slopes.n_effective,
             profiles=made,
             status=status,
-            remarks=()
-            if improvement < _BETTER
-            else (_BETTER_FIT.remark(measured=Measured(float(np.sqrt(least)), ""), before=fit.nrmse),),
+            remarks=(
+                *(
+                    ()
+                    if improvement < _BETTER
+                    else (_BETTER_FIT.remark(measured=Measured(float(np.sqrt(least)), ""), before=fit.nrmse),)
+                ),
+                *beside_likelihood(of, {profiled.name: profiled.interval.error for profiled in made}),
+            ),
             evaluations=objective.tally.simulations,
             seconds=call.seconds,
         )
@@ -370,7 +375,7 @@ def profile(
                 found_by="a profile of its parameters",
                 threads=threads,
             )
-    return replace(result(sides, "finished"), better=better)
+    return replace(result(sides, "finished", better or fit), better=better)
 
 
 def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:

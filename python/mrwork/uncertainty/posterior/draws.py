@@ -20,6 +20,7 @@ from mrwork.base.arguments import Shape, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import with_decimals
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Column, Table, as_json
 from mrwork.base.values import Floats, array_dataclass
@@ -218,7 +219,7 @@ class Draws(Plotted, WithAxes, Summarised):
     deviations of the test's force; `densities` (n_walkers, n_kept) the log posterior in the coordinates that were
     sampled, up to a constant. `temper` is the factor of the log-likelihood. Of `n_steps` steps the burn-in is left out,
     and every `thinning`-th of the others is kept. `measured` has the force of each test [N] by its name. Draws that
-    were read from a file have no `provenance`; the file has it as text.
+    were read from a file have no `provenance`; the file has it as text. `remarks` say what the draws do not count.
     """
 
     _made_by: ClassVar[str] = "mr.sample(fit, tests)"
@@ -240,6 +241,7 @@ class Draws(Plotted, WithAxes, Summarised):
     seconds: float
     provenance: Provenance | None
     measured: Mapping[str, Floats]
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def theta(self) -> Floats:
@@ -289,6 +291,7 @@ class Draws(Plotted, WithAxes, Summarised):
                     "steps": self.n_steps,
                     "thinning": self.thinning,
                     "seconds": self.seconds,
+                    "remarks": json.dumps([asdict(remark) for remark in self.remarks]),
                     "inference_library": "emcee",
                 }
                 | {name: str(value) for name, value in provenance.items()}
@@ -332,6 +335,7 @@ class Draws(Plotted, WithAxes, Summarised):
             "noise": self.noise_model,
             **named(self, "status", "sentence", "temper"),
             "parameters": {summary.name: as_json(_COLUMNS, summary) for summary in self.summaries},
+            "remarks": [asdict(remark) for remark in self.remarks],
             "n_draws": len(self.theta),
             "steps": self.n_steps,
             "seconds": self.seconds,
@@ -343,6 +347,7 @@ class Draws(Plotted, WithAxes, Summarised):
         return Summary(
             title=f"Draws of {self.model} with {self.noise_model} noise: {self.status.replace('_', ' ')}",
             facts=(("draws", f"{made}, {self.n_steps} steps, {self.seconds:.1f} s"),),
+            remarks=self.remarks,
             notes=(self.sentence,),
             tables=[Table.of(_COLUMNS, self.summaries)],
         )
@@ -419,18 +424,19 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
     facts = members[""].attributes
     noise = noise_model(facts["noise"])
     noise_names = tuple(NOISE + parameter.name for parameter in noise.parameters)
+    names = tuple(estimate.name for estimate in fit.varied)
     return Draws(
         model=fit.model,
-        names=fit.names_with_effects,
+        names=names,
         n_params=len(fit.theta),
         noise_model=noise.name,
         noise_names=noise_names,
-        chains=np.stack([columns[name] for name in fit.names_with_effects], axis=-1),
+        chains=np.stack([columns[name] for name in names], axis=-1),
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
         densities=_numbers(members["sample_stats/lp"]),
         summaries=tuple(
             built(DrawSummary, json.loads(posterior[name].attributes["summary"]))
-            for name in fit.names_with_effects + noise_names
+            for name in names + noise_names
         ),
         status=facts["status"],
         sentence=facts["sentence"],
@@ -440,6 +446,7 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
         seconds=float(facts["seconds"]),
         provenance=None,
         measured={name: _numbers(member) for name, member in _variables(members, "observed_data").items()},
+        remarks=tuple(built(Remark, remark) for remark in json.loads(facts.get("remarks", "[]"))),
     )
 
 

@@ -85,7 +85,7 @@ def inference_data(
     >>> tree = mr.uncertainty.inference_data(mr.sample(fit, test), fit, test)  # doctest: +SKIP
     >>> arviz_stats.loo(tree).elpd  # doctest: +SKIP
     """
-    if draws.model != fit.model or draws.names != fit.names_with_effects:
+    if draws.model != fit.model or draws.names != tuple(estimate.name for estimate in fit.varied):
         raise SettingError(
             f"the draws are of {draws.model} and the fit is of {fit.model}; give the draws of the fit"
         )

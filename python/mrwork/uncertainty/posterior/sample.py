@@ -15,10 +15,9 @@ from mrwork.base.hints import Within
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import JournalError, SettingError
 from mrwork.identification.covariance import Slopes
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.problem import provenance_with
 from mrwork.identification.verdicts import judge_interval, scales_of
 from mrwork.records import DamperTest
@@ -56,7 +55,7 @@ _MOST_ROWS = 1000
 class SamplingProblem:
     """Target and settings of a sampling run."""
 
-    spec: DamperSpec
+    fit: Fit
     target: Target
     priors: Mapping[str, Prior]
     walkers: int
@@ -89,14 +88,14 @@ class SamplingProblem:
                 f"`walkers` is {walkers} for {n_dim} parameters of model and noise; "
                 f"give an even number, at least {2 * n_dim}"
             )
-        return cls(spec=fit.spec, target=target, priors=priors, walkers=walkers, rng=rng)
+        return cls(fit=fit, target=target, priors=priors, walkers=walkers, rng=rng)
 
     def fingerprint(self) -> dict[str, Any]:
         """All inputs that determine the chain to the bit; a stored chain is resumed only if they agree."""
-        objective, laws = self.target.objective, self.spec.current_laws
+        objective, laws = self.target.objective, self.fit.spec.current_laws
         bounds = objective.settings.bounds
         return {
-            "model": self.spec.name,
+            "model": self.fit.spec.name,
             "current_laws": None if laws is None else asdict(laws),
             "noise": self.target.noise.name,
             "bounds": {name: list(bounds[name]) for name in sorted(bounds)},
@@ -149,9 +148,9 @@ class SamplingProblem:
         thin = max(1, int(longest / 2.0))
         status: DrawsStatus = "not_converged" if diagnosis.shortcomings else "converged"
         return Draws(
-            model=self.spec.name,
-            names=(*self.spec.names, *self._effects),
-            n_params=len(self.spec.names),
+            model=self.fit.spec.name,
+            names=(*self.fit.spec.names, *self._effects),
+            n_params=len(self.fit.spec.names),
             noise_model=self.target.noise.name,
             noise_names=space.box.names[space.n_params :],
             chains=np.ascontiguousarray(chains[:, ::thin]),
@@ -171,14 +170,22 @@ class SamplingProblem:
                 rng=self.rng,
             ),
             measured={test.name: test.force for test in self.target.objective.tests},
+            remarks=tuple(
+                beside_likelihood(self.fit, {summary.name: summary.deviation for summary in summaries})
+            ),
         )
 
     def _summaries(self, chains: Floats) -> tuple[DrawSummary, ...]:
         """Summaries of the model's parameters, of effects and of the noise; chains (n_walkers, n_kept, n_all)."""
-        box, space = Box.of(self.spec).with_bounds(self.target.objective.settings.bounds), self.target.space
+        box, space = (
+            Box.of(self.fit.spec).with_bounds(self.target.objective.settings.bounds),
+            self.target.space,
+        )
         n_form, effects = space.n_params - len(self._effects), self._effects.values()
-        names = self.spec.names + space.box.names[n_form:]
-        units = [parameter.unit for parameter in self.spec.parameters] + [effect.unit for effect in effects]
+        names = self.fit.spec.names + space.box.names[n_form:]
+        units = [parameter.unit for parameter in self.fit.spec.parameters] + [
+            effect.unit for effect in effects
+        ]
         units += ["1"] * len(self.target.noise.parameters)
         lower = box.lower + space.box.lower[n_form:]
         upper = box.upper + space.box.upper[n_form:]
@@ -194,9 +201,9 @@ class SamplingProblem:
             )
             for index, name in enumerate(names)
         ]
-        theta = np.asarray(self.target.form.to_model(self.target.start))[: len(self.spec.names)]
+        theta = np.asarray(self.target.form.to_model(self.target.start))[: len(self.fit.spec.names)]
         objective = self.target.objective
-        scales = scales_of(self.spec, box, objective.tests, theta)
+        scales = scales_of(self.fit.spec, box, objective.tests, theta)
         sensitivities = np.linalg.norm(
             Slopes.at(objective, self.target.form, self.target.start).by_model(), axis=0
         ).tolist()

@@ -309,14 +309,14 @@ class Target(Summarised):
         Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count as some
         tens of independent observations, and intervals would be far too narrow if all were counted.
         """
-        problem = Problem.of_fit(fit, tests, threads=threads).freeing(fit.effect_values)
+        problem = Problem.of_fit(fit, tests, threads=threads).freeing(fit.varied_effects)
         form, objective = problem.form, problem.objective
         target = cls(
             form=form,
             objective=objective,
             noise=noise,
             space=Space.of(form, noise, priors or {}),
-            start=problem.inside(fit.theta_with_effects),
+            start=problem.inside(fit.varied_values),
             deviations=tuple(test.deviation for test in objective.compared),
             temper=1.0,
         )
