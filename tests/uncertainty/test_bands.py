@@ -113,6 +113,13 @@ def faster(ratio: float, error: float = 0.3) -> Prediction:
     return beyond(wrong, velocity)
 
 
+def growing(prediction: Prediction) -> Prediction:
+    """The prediction of a motion whose stroke grows, so that it does not repeat."""
+    test = prediction.test
+    grown = np.linspace(1.0, 3.0, test.n_time) * test.displacement
+    return replace(prediction, test=replace(test, displacement=grown))
+
+
 def test_a_band_beyond_the_tests_is_as_wide_as_errors_there_and_none_farther() -> None:
     known = group(np.random.default_rng(5), 6)
     alone = calibrate(known, held_out="")
@@ -230,16 +237,53 @@ def test_a_motion_that_does_not_repeat_has_no_mean_error_over_its_cycle() -> Non
         biased.append(bool(calibration.shape.bias))
         for asked in group(rng, 4, biased=True):
             # The stroke of the cycles grows, and the error over each is that of the sines.
-            test = asked.test
-            growing = replace(test, displacement=np.linspace(0.2, 1.0, test.n_time) * test.displacement)
-            assert not has_regular_cycles(growing)
-            band = band_of(calibration, replace(asked, test=growing), 0.9)
-            coverage.append(score(band, test.force).coverage)
+            assert not has_regular_cycles(growing(asked).test)
+            band = band_of(calibration, growing(asked), 0.9)
+            coverage.append(score(band, asked.measured).coverage)
     assert sum(biased) > 5
     assert np.mean(coverage) == pytest.approx(0.9, abs=0.06)
     # One motion at several commands tells nothing of the mean over the cycle of another.
     alike = [replace(known[0], test=replace(known[0].test, current=1.0 * number)) for number in range(6)]
     assert not calibrate(alike, held_out="").shape.bias
+
+
+def test_a_band_is_wider_in_half_cycles_shorter_than_those_of_the_calibration() -> None:
+    *known, asked = group(np.random.default_rng(8), 7)
+    calibration = calibrate(known, held_out="")
+    # Peaks of the four cycles: from 10 to -10, 5, -5, 10, -10, 1, -1 mm.
+    per_cycle = np.repeat([1.0, 0.5, 1.0, 0.1], 200)
+    x = np.append(per_cycle, 0.1) * asked.test.displacement
+    asked = replace(asked, test=replace(asked.test, displacement=x))
+    peaks = np.array([50, 150, 250, 350, 450, 550, 650, 750])
+    # Half cycles of 20, 15, 10, 15, 20, 11, 2 mm, of which the fourth and fifth follow shorter ones.
+    strokes = np.array([20.0, 15.0, 10.0, 10.0, 15.0, 11.0, 2.0])
+    expected = np.minimum(20.0 / strokes, 3.0)[np.searchsorted(peaks[1:-1], np.arange(801), side="right")]
+    shape = replace(calibration.shape, shortest=0.0)
+    band, narrow = (band_of(each, asked, 0.9) for each in (calibration, replace(calibration, shape=shape)))
+    assert "in shorter half cycles than theirs up to 3 times as wide" in band.basis
+    assert (band.upper - band.lower) / (narrow.upper - narrow.lower) == pytest.approx(expected, rel=1e-3)
+    # Errors of fits without such tests are not widened once more.
+    tested = replace(calibration.tested, velocity=range_of_tests([asked.test]).velocity / 1.3)
+    reach = replace(calibrate(known, held_out="", beyond=[faster(1.4, error=3.0)]), tested=tested)
+    far = band_of(reach, beyond(asked, tested.velocity), 0.9)
+    assert np.ptp(far.upper - far.lower) == pytest.approx(0.0, abs=1e-9)
+    assert far.upper[0] - far.lower[0] > 3.0 * (narrow.upper[0] - narrow.lower[0])
+    # A motion that repeats is beyond the tests as a whole or not at all.
+    small = replace(asked, test=replace(asked.test, displacement=0.1 * sinusoid(0.01, 1.0).displacement))
+    of_small = band_of(calibration, small, 0.9)
+    assert of_small.upper - of_small.lower == pytest.approx(narrow.upper - narrow.lower)
+
+
+def test_a_motion_that_repeats_beyond_those_that_do_not_has_no_band() -> None:
+    known = [growing(each) for each in group(np.random.default_rng(5), 6)]
+    calibration = calibrate(known, held_out="", beyond=[growing(faster(1.4))])
+    tested = replace(calibration.tested, velocity=range_of_tests([faster(1.3).test]).velocity / 1.3)
+    calibration = replace(calibration, tested=tested)
+    assert calibration.band(growing(faster(1.3)), 0.9) is not None
+    assert calibration.band(faster(1.3), 0.9) is None
+    missing = calibration.test_to_run(faster(1.3))
+    assert missing is not None
+    assert "velocity" in missing.words
 
 
 @pytest.mark.parametrize(("larger", "is_told"), [(0.7, False), (4.0, True)])
@@ -248,9 +292,8 @@ def test_a_band_that_holds_less_than_chance_leaves_is_told(
 ) -> None:
     rng = np.random.default_rng(11)
     *known, asked = group(rng, 9)
-    grown = np.linspace(0.2, 1.0, asked.test.n_time) * asked.test.displacement
     error = larger * asked.test.force + (1.0 - larger) * asked.model_force
-    asked = replace(asked, test=replace(asked.test, name="asked", displacement=grown, force=error))
+    asked = growing(replace(asked, test=replace(asked.test, name="asked", force=error)))
     calibration = calibrate(known, held_out="")
     predictions = Predictions.about(some_fit, [asked], observe=(), calibration=calibration, level=0.9)
     assert "motion_of_new_kind" in {each.code for each in predictions.remarks}
@@ -260,6 +303,27 @@ def test_a_band_that_holds_less_than_chance_leaves_is_told(
     assert is_told is (coverage < 0.8)
     held = Measured(100.0 * coverage, "%")
     assert [(each.words, each.measured) for each in told] == [(("asked",), held)] * is_told
+
+
+def test_errors_that_repeat_in_every_cycle_count_once() -> None:
+    """With every sample independent a third of tests as good as those of the calibration would be told."""
+    rng, told = np.random.default_rng(1), {1.0: 0, 4.0: 0}
+
+    def repeated(prediction: Prediction, larger: float) -> Prediction:
+        error = larger * prediction.residual[:200]
+        force = prediction.model_force + np.append(np.tile(error, 4), error[0])
+        return replace(prediction, test=replace(prediction.test, force=force))
+
+    for _ in range(8):
+        *known, asked = group(rng, 9)
+        calibration = calibrate([repeated(each, 1.0) for each in known], held_out="")
+        for larger in told:
+            made = repeated(asked, larger)
+            band = band_of(calibration, made, 0.9)
+            share = score(band, made.measured).coverage
+            told[larger] += share < calibration.least_by_chance(made, band)
+    assert told[1.0] == 0
+    assert told[4.0] >= 7
 
 
 def test_one_of_many_tests_may_be_held_by_less_than_one_alone(some_fit: Fit) -> None:

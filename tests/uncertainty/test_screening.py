@@ -12,9 +12,10 @@ from record_files import write_test
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
+from mrwork.dampers.spec import DEFAULT_MODELS
 from mrwork.identification.settings import FitSettings
 from mrwork.store.journal import Journal
-from mrwork.uncertainty.choice.screening import Screening, better_family, screen_families
+from mrwork.uncertainty.choice.screening import Screening, better_family, compared_models, screen_families
 
 MOTIONS = ((0.010, 1.0), (0.006, 2.0), (0.014, 0.5))
 SETTINGS = FitSettings()
@@ -113,6 +114,13 @@ def test_a_resumed_screening_computes_nothing(rig, rows, journal):
     assert (resumed, journal.read_bytes()) == (rows, written)
 
 
+def test_screened_models_are_those_that_go_on(rig, rows, journal):
+    recalled = {"threads": 1, "on_progress": None, "journal_of": lambda step: Journal(journal, resume=True)}
+    specs, remarks, screened = compared_models("screened", rig, SETTINGS, **recalled)
+    assert {spec.name for spec in specs} == {row.model for row in rows if row.verdict == "goes on"}
+    assert (remarks, screened) == ((), rows)
+
+
 def test_single_test_is_screened_by_its_halves():
     rows = screen_families((thinning_test(MOTIONS[0]),), settings=SETTINGS, threads=1)
     own = next(row for row in rows if row.model == "bingham")
@@ -131,16 +139,25 @@ def test_identify_of_a_test_names_a_family_that_predicts_it_better(tmp_path):
 
 
 @pytest.mark.long
-def test_identify_screens_where_no_model_is_named(rig, rows, tmp_path):
+def test_shell_and_python_choose_the_same_where_no_model_is_named(rig, rows, tmp_path):
     files = [write_test(tmp_path / f"{number}.csv", test) for number, test in enumerate(rig)]
     out = tmp_path / "run"
     shown = json.loads(printed("identify", *files, "--law", "auto", "--threads", "1", "--out", out, "--json"))
     screened = mr.load(out).ranking.screened
     assert len(screened) == len(shown["choice_of_laws"]["screened"]) == len(rows)
     assert shown["model"] in {row.model for row in screened if row.verdict == "goes on"}
+    # With the settings of the shell, which has read the tests from their files.
+    tests = mr.read_damper_tests(files)
+    found = mr.choose_laws("screened", tests, settings=mr.load(out).fit.settings.again, threads=1)
+    assert [row.model for row in found.ranking.screened] == [row.model for row in screened]
+    assert (found.best.model, found.best.theta) == (shown["model"], mr.load(out).fit.theta)
 
 
 def test_nothing_is_screened_where_the_command_varies():
     test = thinning_test(MOTIONS[0], 0.5)
     varying = replace(test, current=np.linspace(0.0, 1.0, test.n_time))
     assert screen_families((varying,), settings=SETTINGS, threads=1) == ()
+    specs, _, screened = compared_models(
+        "screened", (varying,), SETTINGS, threads=1, on_progress=None, journal_of=None
+    )
+    assert (tuple(spec.name for spec in specs), screened) == (DEFAULT_MODELS, ())

@@ -21,7 +21,7 @@ from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page, told_remarks
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import add_observation, command_unit, reading_of_rows
-from mrwork.dampers.spec import damper
+from mrwork.dampers.spec import SCREENED, damper
 from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit
 from mrwork.identification.settings import FitSettings
@@ -178,15 +178,10 @@ def _fitting(
         _refuse_lone_commands(options, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
-        choice = partial(choose_laws, settings=settings, unit=command_unit(tests))
-        work = partial(verb.choose, choice, models, settings)
+        choice = partial(choose_laws, models or SCREENED, settings=settings, unit=command_unit(tests))
+        work = partial(verb.choose, choice)
     elif models is None or len(models) > 1:
-        work = partial(
-            verb.choose,
-            lambda models, **rest: choose_model(models=models, settings=settings, **rest),
-            models,
-            settings,
-        )
+        work = partial(verb.choose, partial(choose_model, models=models or SCREENED, settings=settings))
     else:
         work = partial(verb.fit, damper(models[0]), settings)
     return ("choosing model and laws", work), spare, remarks

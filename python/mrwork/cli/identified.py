@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mrwork.base.progress import OnProgress, ProgressLine
 from mrwork.base.remark import RemarkKind
@@ -16,7 +16,7 @@ from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.output import draw_last, is_quiet, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
-from mrwork.dampers.spec import DEFAULT_MODELS, DamperSpec
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, others_content, read_fit, write_run
@@ -41,7 +41,6 @@ from mrwork.store.run_writer import is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.choose import Choice
-    from mrwork.uncertainty.choice.ranking import Standing
 
 _UNTRIED = RemarkKind("other_models_untried", "other models may leave a smaller residual (--model all)")
 
@@ -121,37 +120,27 @@ class Identification(Frame):
             self.note_complete()
             return status if fit is None else self._end(self._with_command(fit), status)
 
-    def choose(
-        self, choose: Callable[..., Choice], models: Sequence[DamperSpec | str] | None, settings: FitSettings
-    ) -> int:
+    def choose(self, choose: Callable[..., Choice]) -> int:
         """Make a choice of model or laws; the run folder has the best, and what was compared; return the exit status.
 
-        `choose` takes the models, tests, threads, journals and the line of progress. Without models it takes those
-        that a screening of all finds best.
+        `choose` takes the tests, threads, journals and the line of progress.
         """
-        from mrwork.uncertainty.choice.screening import screen_families
-
         if (status := self._end_complete(RANKING)) is not None:
             return status
-        screened: tuple[Standing, ...] = ()
         with self.work as work:
 
             def compared(line: ProgressLine) -> Choice:
-                nonlocal screened
-                common: Any = {
-                    "threads": self.options.threads,
-                    "on_progress": line,
-                    "journal_of": lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
-                }
-                if models is None:
-                    screened = screen_families(self.tests, settings=settings, **common)
-                kept = [row.model for row in screened if row.verdict == "goes on"]
-                return choose(models or kept or DEFAULT_MODELS, tests=self.tests, **common)
+                return choose(
+                    tests=self.tests,
+                    threads=self.options.threads,
+                    on_progress=line,
+                    journal_of=lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
+                )
 
             choice, status = self.compute(compared, before="anything was compared")
             if choice is None:
                 return status
-            ranking = replace(choice.ranking, screened=screened)
+            ranking = choice.ranking
             documents: dict[str, object] = {RANKING: asdict(ranking)}
             if ranking.unit is None:
                 best, paths = self._with_command(choice.best), dict[str, str]()

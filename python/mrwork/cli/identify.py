@@ -15,7 +15,7 @@ from mrwork.cli.options import add_threads, end_parser, on_workers
 from mrwork.cli.own_models import is_own, own_model
 from mrwork.cli.tests import add_files, add_observation, command_unit
 from mrwork.dampers.laws import LawName
-from mrwork.dampers.spec import ALL, DEFAULT_MODELS, DamperSpec, damper
+from mrwork.dampers.spec import ALL, DEFAULT_MODELS, SCREENED, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.settings import (
     FitSettings,
@@ -199,9 +199,9 @@ def _choose(
     }
     if _AUTO in options.law:
         # Laws and bounds are of parameters of the default model.
-        among = models if options.model or laws or settings.bounds else None
-        return verb.choose(partial(choose_laws, **kwargs), among, settings)
-    return verb.choose(lambda models, **rest: choose_model(models=models, **rest, **kwargs), models, settings)
+        among = models if options.model or laws or settings.bounds else SCREENED
+        return verb.choose(partial(choose_laws, among, **kwargs))
+    return verb.choose(partial(choose_model, models=models, **kwargs))
 
 
 def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settings: FitSettings) -> int:

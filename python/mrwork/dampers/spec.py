@@ -27,8 +27,9 @@ from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import DRIVER_RATE, ParamSpec
 from mrwork.errors import SettingError
 
-# In place of the name of one model: every model.
+# In place of the name of one model: every model, and those that predict a few of the tests best.
 ALL = "all"
+SCREENED = "screened"
 DEFAULT_MODELS = ("normalised_bouc_wen", "hyperbolic_tangent_guo", "viscous_dahl")
 """The model where none is named, the first, and with it others that differ in kind, where nothing can be screened."""
 

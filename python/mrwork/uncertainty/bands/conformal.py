@@ -202,9 +202,12 @@ class Calibration(Summarised):
     def untested(self, prediction: Prediction) -> tuple[Exceedance, ...]:
         """What is farther beyond the tests than the model was tried, where no band is known.
 
-        Several quantities are, each of which was tried, if no test that was left out is so far beyond in all of them.
+        Several quantities are, each of which was tried, if no test that was left out is so far beyond in all of them. A
+        motion that repeats is beyond in every cycle, and others, which are for moments, do not tell of it.
         """
         beyond, tried = self.beyond(prediction), {reach.side: reach for reach in self.reach}
+        if not self.n_repeating and prediction.n_cycles:
+            return beyond
         as_far = [
             set[str]() if exceedance.between or reach is None else reach.tests_as_far(exceedance)
             for exceedance in beyond
@@ -242,29 +245,28 @@ class Calibration(Summarised):
         if self.untested(prediction):
             return None
         centre, scale = self.shape.of(prediction)
-        beyond = self.beyond(prediction)
+        beyond, basis, test = self.beyond(prediction), self.basis, prediction.test
         sides = {side_of(exceedance) for exceedance in beyond}
         farther = [reach_of_test.scores for reach_of_test in self.reach if reach_of_test.side in sides]
         own = self.scores.of(periodic=prediction.n_cycles > 0)
-        multiple = max(next_test_quantile(scores, level) for scores in (own, *farther))
-        band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
-        force, test = prediction.force, prediction.test
+        multiple, wider = next_test_quantile(own, level), self.shape.wider(prediction)
+        most = max((next_test_quantile(scores, level) for scores in farther), default=0.0)
+        half = scale * np.maximum(multiple, most / wider)
+        if wider.max() > 1.0:
+            basis += f"; in shorter half cycles than theirs up to {wider.max():.2g} times as wide"
         between = is_untested(self.tested, test.command_in(self.tested.command_unit))
         open_to_laws = np.broadcast_to(between | bool(beyond), (test.n_time,))[test.counted]
-        if not open_to_laws.any():
-            return band
-        basis = self.basis
         if beyond:
             names = ", ".join(exceedance.quantity for exceedance in beyond)
             basis += f"; beyond the tests in {names}, widened by the errors of fits without such tests"
-        elif len(prediction.other_forces):
+        elif open_to_laws.any() and len(prediction.other_forces):
             basis += "; between the tested commands, widened by other laws that predict nearly as well"
-        others = [np.zeros_like(force), *(other[test.counted] - force for other in prediction.other_forces)]
-        apart = np.where(open_to_laws, others, 0.0)
-        return replace(
-            band,
-            lower=band.lower + np.min(apart, axis=0),
-            upper=band.upper + np.max(apart, axis=0),
+        others = [other[test.counted] - prediction.force for other in prediction.other_forces]
+        apart = np.where(open_to_laws, [np.zeros_like(centre), *others], 0.0)
+        return Band(
+            level=level,
+            lower=centre - half + np.min(apart, axis=0),
+            upper=centre + half + np.max(apart, axis=0),
             basis=basis,
         )
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from mrwork.base.arguments import NotNegative
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.tested_range import least_stroke
 from mrwork.uncertainty.bands.band import pooled_quantile
 from mrwork.uncertainty.bands.prediction import Prediction, are_one_motion, motion_of
 
@@ -24,6 +25,8 @@ _COMPARED_AT = 0.9
 _LEAST_TO_CHOOSE = 4
 # Largest number of evenly spaced samples of each test.
 _SAMPLES = 1000
+# Times that errors are larger, at most, in half cycles shorter than those of the calibration.
+_MOST_IN_SHORT = 3.0
 _CENTRES = -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
 
 
@@ -31,24 +34,34 @@ _CENTRES = -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
 class ErrorShape:
     """Scale of the errors of a test, `deviation (level + slope steepness) + floor` [N], of the model's force.
 
-    `bias` [deviations], shape (n_bins,) or empty, is the mean error over the phase of periodic tests.
+    Half cycles below the `shortest` [m] of the calibration leave the model in another state than the damper: there and
+    in the next ones it is larger by the ratio of their strokes, up to three times, unless the motion repeats. `bias`
+    [deviations], shape (n_bins,) or empty, is the mean error over the phase of periodic tests.
     """
 
     level: NotNegative = 1.0
     slope: NotNegative = 0.0
     floor: NotNegative = 0.0
     bias: tuple[float, ...] = ()
+    shortest: NotNegative = 0.0
 
     def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
         """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
         centre = prediction.force
         if self.bias and prediction.n_cycles:
             centre = centre + prediction.deviation * _over_cycle(prediction.phase, self.bias)
-        return centre, self.scale(prediction.deviation, prediction.steepness)
+        scale = self.scale(prediction.deviation, prediction.steepness)
+        return centre, scale * self.wider(prediction)
 
     def scale(self, deviation: Floats | float, steepness: Floats) -> Floats:
         """Scale of the error [N] at samples of this steepness; `deviation` [N] is that of the model's force."""
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
+
+    def wider(self, prediction: Prediction) -> Floats:
+        """Factor of the scale in and after half cycles shorter than those of the calibration, shape (n_counted,)."""
+        # Of a damper that rests there is none.
+        strokes = np.maximum(prediction.half_cycles, np.finfo(float).tiny)
+        return np.clip(self.shortest / strokes, 1.0, _MOST_IN_SHORT)
 
 
 def _over_cycle(phase: Floats, bias: Sequence[float]) -> Floats:
@@ -79,8 +92,9 @@ class ErrorGroup:
     """Errors of a test, or of tests that are alike, at evenly spaced samples.
 
     Arrays have shape (n_samples,): `error` [N], `deviation` and `measured`, the standard deviations of the model's and
-    the measured force [N]; `motion` are stroke [m] and length of a cycle [s]. `normal` and `right` are of the least
-    squares for the terms of the scale, and `curve`, (n_bins,), is the mean error over the cycle [deviations].
+    the measured force [N]; half cycles up to the `shortest` [m] make a fifth of the travel; `motion` are stroke [m] and
+    length of a cycle [s]. `normal` and `right` are of the least squares for the terms of the scale, and `curve`,
+    (n_bins,), is the mean error over the cycle [deviations].
     """
 
     error: Floats
@@ -89,6 +103,7 @@ class ErrorGroup:
     deviation: Floats
     measured: Floats
     periodic: bool
+    shortest: float
     motion: tuple[float, float]
     normal: Floats
     right: Floats
@@ -115,6 +130,7 @@ class ErrorGroup:
             deviation=deviation,
             measured=measured,
             periodic=all(member.n_cycles for member in members),
+            shortest=2.0 * min(least_stroke(member.test.displacement) for member in members),
             motion=motion_of(members[0].test),
             normal=terms * weight @ terms.T,
             right=terms @ (weight * np.abs(error)),
@@ -146,7 +162,7 @@ class Scores:
 
 def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[ErrorShape, Scores]:
     """Shape fitted to groups of tests, and their errors in its scale."""
-    shape = _fit_scale(variant, groups)
+    shape = replace(_fit_scale(variant, groups), shortest=min(group.shortest for group in groups))
     about_force = tuple(group.scores(shape)[0] for group in groups)
     about_mean = about_force
     if variant.biased:

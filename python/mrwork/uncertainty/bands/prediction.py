@@ -16,7 +16,7 @@ from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
-from mrwork.dampers.tested_range import Outside
+from mrwork.dampers.tested_range import Outside, half_cycle_ends
 from mrwork.errors import MrworkError, SettingError, SimulationError
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.residual import ObservedTest
@@ -111,6 +111,20 @@ class Prediction(Plotted, WithAxes, Summarised):
         reach = max(1, round(_REACH * mean_cycle(self.test)))
         padded = np.pad(self.force, reach, mode="edge")
         return np.asarray(np.abs(padded[2 * reach :] - padded[: -2 * reach]) / self.deviation)
+
+    @property
+    def half_cycles(self) -> Floats:
+        """Stroke [m] of the half cycle of each sample, or of the one before, which it starts from, if that is shorter.
+
+        It is infinite where the motion repeats, which is beyond the tests as a whole or not at all.
+        """
+        if has_regular_cycles(self.test):
+            return np.full(self.force.size, np.inf)
+        ends = half_cycle_ends(self.test.displacement)
+        between = np.searchsorted(ends[1:-1], np.arange(self.test.n_time), side="right")
+        strokes = np.abs(np.diff(self.test.displacement[ends]))
+        strokes[1:] = np.minimum(strokes[1:], strokes[:-1])
+        return strokes[between][self.test.counted]
 
     @property
     def phase(self) -> Floats:

@@ -23,7 +23,7 @@ from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.laws import LawName
-from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
+from mrwork.dampers.spec import SCREENED, DamperSpec
 from mrwork.errors import JournalError, MrworkError, MrworkWarning, OutputError, SettingError, WorkerError
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf
 from mrwork.identification.commands import CommandedTests, with_laws_at
@@ -36,16 +36,16 @@ from mrwork.records.damper_test import as_tests
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.collapse import with_collapses
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
+from mrwork.uncertainty.choice.screening import compared_models
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 from mrwork.workers.engine import Workers, on_executor
 
 T = TypeVar("T")
 _NO_LAW = RemarkKind("laws_of_no_parameter", "none of the parameters that follow the command is one of {0}")
-_SAME_MODEL = RemarkKind("model_not_listed", "{0} is not listed: it is {1} in other parameters")
 
 
 def families(
-    models: str | Sequence[DamperSpec | str],
+    specs: Sequence[DamperSpec],
     tests: tuple[DamperTest, ...],
     *,
     laws: Mapping[str, LawName],
@@ -53,8 +53,7 @@ def families(
     lagged: bool = False,
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[DamperSpec, ...], tuple[Remark, ...]]:
-    """The named families, or all, and remarks on the selection."""
-    specs, remarks = compared_models(models)
+    """The families of models with their laws, and a remark where none follows the command."""
     lawful = []
     for spec in specs:
         names = {parameter.name for parameter in spec.plain}
@@ -64,32 +63,12 @@ def families(
     refuse_unknown("law", laws, [parameter.name for spec in specs for parameter in spec.plain])
     refuse_unknown("bound", bounds, [name for spec in lawful for name in spec.names])
     plain = [spec.name for spec in lawful if spec.command_unit is None]
-    if laws and plain:
-        remarks += (_NO_LAW.remark(", ".join(plain)),)
-    return tuple(lawful), remarks
+    return tuple(lawful), (_NO_LAW.remark(", ".join(plain)),) if laws and plain else ()
 
 
 def select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
     """Values by parameter name, of the parameters that a model has."""
     return {name: value for name, value in values.items() if name in spec.names}
-
-
-def compared_models(
-    models: DamperSpec | str | Sequence[DamperSpec | str],
-) -> tuple[tuple[DamperSpec, ...], tuple[Remark, ...]]:
-    """The named models and remarks; "all" leaves out those that are identified in the parameters of another one."""
-    if models in (ALL, [ALL]):
-        others = {spec.name: identifiable_form(spec, {}).spec.name for spec in damper_models()}
-        return (
-            tuple(spec for spec in damper_models() if others[spec.name] == spec.name),
-            tuple(_SAME_MODEL.remark(name, form) for name, form in others.items() if name != form),
-        )
-    named = [models] if isinstance(models, str | DamperSpec) else models
-    specs = tuple(damper(name) if isinstance(name, str) else name for name in named)
-    names = [spec.name for spec in specs]
-    if not names or len(set(names)) < len(names):
-        raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
-    return specs, ()
 
 
 def refuse_unknown(what: str, names: Iterable[str], known: Iterable[str]) -> None:
@@ -141,12 +120,13 @@ class Choice(WithAxes, Summarised):
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Choosing(LongCall[Choice]):
-    """A choice that runs: its tests, models and splits, the journal of each step, and why models failed."""
+    """A choice that runs: its tests, models, as they were `screened`, and splits, journals, and why models failed."""
 
     tests: tuple[DamperTest, ...]
     models: tuple[DamperSpec, ...]
     splits: Splits
     remarks: tuple[Remark, ...]
+    screened: tuple[Standing, ...]
     threads: int
     journal_of: JournalOf | None
     failed: dict[str, str] = field(default_factory=dict)
@@ -189,6 +169,7 @@ class Choosing(LongCall[Choice]):
             held_out=self.splits.in_words,
             n_folds=max(len(candidate.left_out) for candidate in candidates),
             missing=missing,
+            screened=self.screened,
             **facts,
         )
 
@@ -286,7 +267,7 @@ class _ChoosingModel(Choosing):
 @on_one_blas_thread
 def choose_model(
     tests: DamperTest | Sequence[DamperTest],
-    models: str | Sequence[DamperSpec | str] = ALL,
+    models: str | Sequence[DamperSpec | str] = SCREENED,
     *,
     leave_out: Fold | None = None,
     laws: Mapping[str, LawName] | None = None,
@@ -308,7 +289,7 @@ def choose_model(
     Parameters
     ----------
     models
-        Names of models, models with their laws, or "all".
+        Names of models, models with their laws, "all", or "screened": those of all that go on from `screen_families`.
     leave_out
         With several models or laws to choose: tests that are left out together and predicted: all of one motion
         (default from three motions on), each test alone, or all at one command.
@@ -363,8 +344,11 @@ def choose_model(
             "`starts` and free effects of `observe` are of one model; leave them out where models are compared"
         )
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
-    compared, remarks = families(
-        models, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds
+    specs, remarks, screened = compared_models(
+        models, tests, settings, threads=threads, on_progress=on_progress, journal_of=journal_of
+    )
+    compared, lawless = families(
+        specs, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds
     )
     splits = splits_of(tests, leave_out)
     _refuse_few_commands(compared, tests, splits)
@@ -375,7 +359,8 @@ def choose_model(
         tests=tests,
         models=compared,
         splits=splits,
-        remarks=(*remarks, *pooled, *splits.remarks),
+        remarks=(*remarks, *lawless, *pooled, *splits.remarks),
+        screened=screened,
         threads=threads,
         journal_of=journal_of,
         on_progress=on_progress,

@@ -34,10 +34,11 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.choice.choose import Choice, Choosing, compared_models, refuse_unknown, select_known
+from mrwork.uncertainty.choice.choose import Choice, Choosing, refuse_unknown, select_known
 from mrwork.uncertainty.choice.law_search import FittedLaws, Laws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
+from mrwork.uncertainty.choice.screening import compared_models
 
 # Most sets of laws beside the chosen one that are kept with it, and by how much the forces of any two differ at least,
 # per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
@@ -288,7 +289,8 @@ def choose_laws(
     Parameters
     ----------
     model
-        A model without current laws, or its name; several of them, or "all".
+        A model without current laws, or its name; several of them, "all", or "screened": those of all that go on from
+        `screen_families`.
     laws
         Laws that are given and not to be chosen.
     lagged
@@ -326,7 +328,9 @@ def choose_laws(
     """
     settings = settings or FitSettings()
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
-    specs, remarks = compared_models(model)
+    specs, remarks, screened = compared_models(
+        model, tests, settings, threads=threads, on_progress=on_progress, journal_of=journal_of
+    )
     laws = dict(laws or {})
     names = [name for spec in specs for name in spec.names]
     refuse_unknown("law", laws, names)
@@ -352,6 +356,7 @@ def choose_laws(
         models=specs,
         splits=splits,
         remarks=(*remarks, *splits.remarks),
+        screened=screened,
         threads=threads,
         journal_of=journal_of,
         on_progress=on_progress,

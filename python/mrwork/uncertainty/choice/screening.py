@@ -19,9 +19,10 @@ from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import ALL, DamperSpec
+from mrwork.dampers.spec import ALL, DEFAULT_MODELS, SCREENED, DamperSpec, damper, damper_models
+from mrwork.errors import SettingError
 from mrwork.identification.batch import JournalOf, with_journal
-from mrwork.identification.equivalent import search_box, widened
+from mrwork.identification.equivalent import identifiable_form, search_box, widened
 from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.minimise.level_search import unlike_tests
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
@@ -33,7 +34,6 @@ from mrwork.records.damper_test import as_tests, set_points
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import groups_of, halves
-from mrwork.uncertainty.choice.choose import compared_models
 from mrwork.uncertainty.choice.ranking import Standing, rank
 from mrwork.uncertainty.choice.splits import Split, Splits, splits_of
 
@@ -49,6 +49,7 @@ _BETTER_FAMILY = RemarkKind(
     "{0} predicts the later half of this test better than {1}, to {value:.1f} instead of {percent:.1f} %",
     "to fit it add --model {2}",
 )
+_SAME_MODEL = RemarkKind("model_not_listed", "{0} is not listed: it is {1} in other parameters")
 # Most tests of a command, those on which starting points are drawn, and cycles of an excerpt.
 _PER_COMMAND, _DRAWN_ON, _CYCLES = 6, 2, 2
 # Starts at each command, most iterations of a fit, and the decrease of the squared misfit that ends it.
@@ -175,15 +176,15 @@ def screen_families(
     --------
     >>> import mrwork as mr
     >>> tests = mr.read_damper_tests(["rig/10mm1Hz0A.csv", "rig/10mm1Hz1A.csv"])  # doctest: +SKIP
-    >>> models = [row.model for row in mr.screen_families(tests) if row.verdict == "goes on"]  # doctest: +SKIP
-    >>> mr.choose_laws(models, tests)  # doctest: +SKIP
+    >>> mr.screen_families(tests)[0].title  # doctest: +SKIP
+    >>> mr.choose_laws("screened", tests)  # doctest: +SKIP
     """
     settings = settings or FitSettings()
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
     screening = Screening.of(tests, settings, threads)
     if screening is None:
         return ()
-    specs, _ = compared_models(ALL)
+    specs, _ = named_models(ALL)
     inputs = [(test.name, test.sha256, test.n_time) for test in tests], settings
 
     def screen(journal: Journal | None) -> list[Standing]:
@@ -212,6 +213,46 @@ def screen_families(
             kept.append(row)
     names = [row.model for row in kept[-_MOST_KEPT:]]
     return tuple(replace(row, verdict="goes on") if row.model in names else row for row in ranked)
+
+
+def named_models(
+    models: DamperSpec | str | Sequence[DamperSpec | str],
+) -> tuple[tuple[DamperSpec, ...], tuple[Remark, ...]]:
+    """The named models and remarks; "all" leaves out those that are identified in the parameters of another one."""
+    if models in (ALL, [ALL]):
+        others = {spec.name: identifiable_form(spec, {}).spec.name for spec in damper_models()}
+        return (
+            tuple(spec for spec in damper_models() if others[spec.name] == spec.name),
+            tuple(_SAME_MODEL.remark(name, form) for name, form in others.items() if name != form),
+        )
+    named = [models] if isinstance(models, str | DamperSpec) else models
+    specs = tuple(damper(name) if isinstance(name, str) else name for name in named)
+    names = [spec.name for spec in specs]
+    if not names or len(set(names)) < len(names):
+        raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
+    return specs, ()
+
+
+def compared_models(
+    models: DamperSpec | str | Sequence[DamperSpec | str],
+    tests: tuple[DamperTest, ...],
+    settings: FitSettings,
+    *,
+    threads: int,
+    on_progress: OnProgress | None,
+    journal_of: JournalOf | None,
+) -> tuple[tuple[DamperSpec, ...], tuple[Remark, ...], tuple[Standing, ...]]:
+    """The models of a choice, remarks on them, and the screening that they come from where they are "screened".
+
+    Where nothing can be screened, as every command varies, they are three that differ in kind.
+    """
+    if models not in (SCREENED, [SCREENED]):
+        return *named_models(models), ()
+    rows = screen_families(
+        tests, settings=settings, threads=threads, on_progress=on_progress, journal_of=journal_of
+    )
+    kept = [row.model for row in rows if row.verdict == "goes on"]
+    return *named_models(kept or DEFAULT_MODELS), rows
 
 
 def better_family(rows: Sequence[Standing], model: str) -> Iterator[Remark]:
