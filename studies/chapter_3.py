@@ -89,8 +89,8 @@ def errors(T: np.ndarray) -> dict[str, np.ndarray]:
         viscous = 12.0 * FLOW * VISCOSITY / (slot.width * slot.gap**3)  # Pa/m
         tau = T * viscous * slot.gap
         drop: Any = {"flow": FLOW, "yield_stress": tau, "viscosity": VISCOSITY}
-        exact = design.annular_pressure(slot, **drop)
-        found[f"plates, gap {gap:g} R"] = 100.0 * (design.plate_pressure(slot, **drop) / exact - 1.0)
+        exact = design.pressure_drop(slot, **drop)
+        found[f"plates, gap {gap:g} R"] = 100.0 * (design.pressure_drop(slot, "plates", **drop) / exact - 1.0)
         if gap == 0.02:
             for name, c in (("Yang", 2.07 + 1.0 / (1.0 + 0.4 * T)), ("2", 2.0), ("3", 3.0)):
                 summed = LENGTH * (viscous + c * tau / slot.gap)
@@ -121,21 +121,24 @@ n = 0.7
 power = (2.0 * (2.0 * n + 1.0) / n * flows / (thin.width * thin.gap**2)) ** n
 # Phillips' cubic P^3 - (1 + 3 T) P^2 + 4 T^3 = 0, by the residual over its largest term; P over the viscous pressure.
 tau = 12.0 * FLOW * VISCOSITY * STRESSES / (thin.width * thin.gap**2)
-P = design.plate_pressure(thin, flow=FLOW, yield_stress=tau, viscosity=VISCOSITY)
+P = design.pressure_drop(thin, "plates", flow=FLOW, yield_stress=tau, viscosity=VISCOSITY)
 P = P * thin.width * thin.gap**3 / (12.0 * FLOW * VISCOSITY * LENGTH)
 terms = np.stack([P**3, -(1.0 + 3.0 * STRESSES) * P**2, 4.0 * STRESSES**3])
 pairs = {
     "annulus, Newtonian": (
-        design.annular_pressure(wide, **no_yield),
+        design.pressure_drop(wide, **no_yield),
         8.0 * VISCOSITY * LENGTH * flows / (np.pi * area),
     ),
-    "plates, Newtonian, moving wall": (design.plate_pressure(thin, **no_yield, wall_speed=0.1), moving),
+    "plates, Newtonian, moving wall": (
+        design.pressure_drop(thin, "plates", **no_yield, wall_speed=0.1),
+        moving,
+    ),
     "plates, power law, n = 0.7": (
-        design.plate_pressure(thin, **no_yield, flow_index=n),
+        design.pressure_drop(thin, "plates", **no_yield, flow_index=n),
         2.0 * VISCOSITY * LENGTH / thin.gap * power,
     ),
     "annulus, about to flow": (
-        design.annular_pressure(wide, flow=0.0, yield_stress=2e4, viscosity=VISCOSITY),
+        design.pressure_drop(wide, flow=0.0, yield_stress=2e4, viscosity=VISCOSITY),
         2.0 * 2e4 * LENGTH / wide.gap,
     ),
     "plates, Bingham, cubic of Phillips": (1.0 + terms.sum(axis=0) / abs(terms).max(axis=0), 1.0),
@@ -151,7 +154,7 @@ script.table(
 )
 newtonian: Any = {"flow": FLOW, "yield_stress": 0.0, "viscosity": VISCOSITY}
 coarse, fine = (
-    abs(design.plate_pressure(slot, **newtonian) / design.annular_pressure(slot, **newtonian) - 1.0)
+    abs(design.pressure_drop(slot, "plates", **newtonian) / design.pressure_drop(slot, **newtonian) - 1.0)
     for slot in (slot_of(0.1), slot_of(0.05))
 )
 order = {"in the gap": {"order": float(np.log2(coarse / fine))}}
@@ -188,8 +191,9 @@ script.table(
     digits=3,
 )
 # The range of the poles at saturation, without rod and coils and by plates whose walls rest.
-on, off = design.plate_pressure(
+on, off = design.pressure_drop(
     slot,
+    "plates",
     flow=np.pi * damper.piston_radius**2 * damper.velocity,
     yield_stress=np.array([damper.fluid.largest_yield_stress, 0.0]),
     viscosity=damper.fluid.viscosity,

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 from generate.equations import tex
 from generate.figures import LOOP_CAPTION, loop_words
 from generate.markdown import code, directive, document, fenced, prose, table, toctree, unit
 from mrwork.dampers import DamperSpec, damper_models
+from mrwork.dampers.spec import PRESETS, presets_by_force
 
 
 def model_pages() -> dict[str, str]:
@@ -33,28 +32,14 @@ def _index() -> str:
         "[`mrwork identify`](../verbs/identify.md).",
         table(("model", "name", "parameters", "states", "published sets"), rows),
         "(published-sets)=\n## Published sets by force",
-        "As `mrwork models --presets` lists them. A study takes a set by `preset`, `count` times.",
+        "As `mrwork models --presets` lists them, with the force and the stroke to either side that one damper is made "
+        "for. A study takes a set by `preset`, `count` times.",
         table(
-            ("force class", "set", "model", "rated force", "stroke to either side", "command"), _by_force()
+            [f"{each.heading} [{each.unit}]" if each.unit else each.heading for each in PRESETS],
+            [[column.cell(each) for column in PRESETS] for each in presets_by_force(damper_models())],
         ),
         toctree(*(spec.name for spec in damper_models()), hidden=""),
     )
-
-
-def _by_force() -> list[tuple[str, ...]]:
-    """The published sets, the smallest dampers first."""
-    presets = [spec.preset(name) for spec in damper_models() for name in spec.presets]
-    return [
-        (
-            preset.force_class or "not known",
-            code(preset.name),
-            code(preset.spec.name),
-            f"{preset.rated_force:.0f} N" if preset.rated_force else "",
-            f"{1e3 * preset.rated_stroke:g} mm" if preset.rated_stroke else "",
-            preset.command_in_words,
-        )
-        for preset in sorted(presets, key=lambda each: each.rated_force or math.inf)
-    ]
 
 
 def _page(spec: DamperSpec) -> str:

@@ -197,7 +197,7 @@ def material_calls(_: Path) -> Calls:
     yield call(design.MRFluid, name="mine", particle_fraction=0.3, viscosity=0.1, density=3e3, flow_index=0.9)
     yield call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5))
     flow |= {"slot": _SLOT, "wall_speed": 0.1}
-    yield from calls_with(flow, design.annular_pressure, design.plate_pressure)
+    yield from calls_with(flow, design.pressure_drop)
     parts = {"fluid": _FLUID, "steel": _STEEL, "areas": (3e-4, 4e-4), "lengths": (0.05, 0.06)}
     yield call(design.MagneticCircuit, **parts, gap_area=5e-4, turns=200, gap=1e-3)
     yield call(_circuit().ampere_turns, field=np.array([0.0, 1e5]))

@@ -10,7 +10,7 @@ from refusals import refusal
 from small_damper import SMALL
 
 import mrwork as mr
-from mrwork.dampers.design import DamperDesign, plate_pressure, twenty_ton_damper
+from mrwork.dampers.design import DamperDesign, pressure_drop, twenty_ton_damper
 
 LARGE = twenty_ton_damper()
 SMALL_DAMPER = DamperDesign(**SMALL)
@@ -74,7 +74,10 @@ def test_the_winding_of_the_20_ton_damper_decides_its_range() -> None:
     assert replace(LARGE, coil_clearance=0.0).dynamic_range == pytest.approx(3.6, abs=0.05)
     # Poles alone, no rod, walls at rest, published yield stress: the viscous part is 25.2 kN, the whole 227 kN.
     slot, flow = LARGE.active_slot, np.pi * LARGE.piston_radius**2 * LARGE.velocity
-    on, off = (float(plate_pressure(slot, flow=flow, yield_stress=tau, viscosity=1.3)) for tau in (62e3, 0.0))
+    on, off = (
+        float(pressure_drop(slot, "plates", flow=flow, yield_stress=tau, viscosity=1.3))
+        for tau in (62e3, 0.0)
+    )
     assert on / off == pytest.approx(9.03, abs=0.01)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,13 +13,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from mrwork.dampers.design import Slot, annular_pressure, plate_pressure
-from mrwork.dampers.design.flow import PRESSURES, summed_pressure
+from mrwork.dampers.design import Slot, pressure_drop
+from mrwork.dampers.design.flow import FlowModel
 
 Pressure = Callable[..., np.ndarray]
 
 SLOT = Slot(inner_radius=0.05, gap=0.001, length=0.03)
-EXACT: tuple[Pressure, ...] = (annular_pressure, plate_pressure)
+PRESSURES: tuple[Pressure, ...] = tuple(
+    partial(pressure_drop, flow_model=model) for model in get_args(FlowModel)
+)
+annular_pressure, plate_pressure, summed_pressure = PRESSURES
+EXACT = PRESSURES[:2]
 VISCOSITY = 0.3
 
 
@@ -191,7 +197,7 @@ def test_wall_that_moves_alone_sets_up_the_pressure_of_couette_flow() -> None:
 
 def test_pressures_broadcast() -> None:
     tau, flow = np.array([[0.0], [1e4]]), np.array([0.0, 1e-4, 1e-3])
-    for pressure in PRESSURES.values():
+    for pressure in PRESSURES:
         table = pressure(SLOT, flow=flow, yield_stress=tau, viscosity=VISCOSITY)
         assert table.shape == (2, 3)
         alone = pressure(SLOT, flow=1e-3, yield_stress=1e4, viscosity=VISCOSITY)

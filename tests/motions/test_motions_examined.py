@@ -21,7 +21,6 @@ from mrwork.motions import (
     scaled,
     scaled_to_peak,
     sine,
-    sine_sweep,
     suite,
     synthetic_motion,
 )
@@ -79,7 +78,6 @@ def test_honest_motions_are_silent() -> None:
     drawn = [*suite(("rock", "firm", "medium", "soft"), 16, rng=5), HONEST]
     made = [
         sine(amplitude=1.0, frequency=1.0, cycles=20.0),
-        sine_sweep(amplitude=2.0, start=0.1, end=20.0, duration=60.0),
         near_fault_pulse(amplitude=2.0, period=1.5),
     ]
     for motion in (*drawn, *made):

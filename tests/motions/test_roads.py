@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -249,20 +248,6 @@ def test_a_road_is_not_made_another_by_what_is_done_to_accelerograms(
     refusal(change, road, match=says)
     # Its end may be cut.
     assert mr.motions.trimmed(road, end=0.5).is_road
-
-
-def test_a_road_with_forces_on_floors_is_in_no_file(tmp_path: Path) -> None:
-    road = road_motion(bump(TIME), DT)
-    pushed = replace(road, forces=np.ones((2, TIME.size)))
-    made = mr.study_of(
-        building=quarter_car(),
-        motions=[pushed],
-        dampers=[{"storey": "suspension", "preset": "kwok2006"}],
-        laws=["passive_on"],
-    )
-    refusal(
-        made.to_toml, tmp_path / "study.toml", match="is a road with forces on floors, which no table holds"
-    )
 
 
 def test_forces_alone_have_no_response_spectrum() -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -74,13 +76,25 @@ def test_a_folder_of_tests_becomes_a_damper_or_a_question(tmp_path: Path) -> Non
     assert not (tmp_path / "data").exists()
 
 
-def test_strokes_of_one_way_are_not_characterised_and_it_is_said_why(tmp_path: Path) -> None:
+class Terminal(io.StringIO):
+    """A stderr on which progress is one line, written again and again."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_strokes_of_one_way_are_not_characterised_and_it_is_said_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for speed in (0.01, 0.02, 0.1):
         time = np.arange(0.0, 0.04 / speed, 0.005)
         force = 60.0 + 2000.0 * speed + 1500.0 * speed * time
         columns = {"t_s": time, "displacement_m": speed * time, "force_n": force}
         (tmp_path / "rig").mkdir(exist_ok=True)
         write_text(tmp_path / "rig" / f"{1e3 * speed:.0f}mmps.csv", columns)
-    command_refusal(
-        "characterise", tmp_path / "rig", "--out", tmp_path / "out", match="no test to fit turns back"
-    )
+    monkeypatch.setattr("command_line.io", SimpleNamespace(StringIO=Terminal))
+    words = ("characterise", tmp_path / "rig", "--out", tmp_path / "out")
+    said = [
+        command_refusal(*words, *quiet, match="no test to fit turns back") for quiet in ((), ("--quiet",))
+    ]
+    assert ["\r" in each for each in said] == [True, False]

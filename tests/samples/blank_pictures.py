@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from argparse import Namespace
 from base64 import b64decode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -94,8 +95,8 @@ def no_pages() -> Iterator[None]:
 
     output, drawing = _drawing()
 
-    def without_page(folder: Path, _: object, *, quiet: bool) -> int:
-        return drawing(folder, lambda _: add_to_run(folder, {REPORT: b""}), quiet=quiet)
+    def without_page(options: Namespace, folder: Path, _: object) -> int:
+        return drawing(options, folder, lambda _: add_to_run(folder, {REPORT: b""}))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(output, "drawing", without_page)

@@ -13,15 +13,18 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.closed_loop import frequency_weighted
+from mrwork.closed_loop.evaluation import Scales
 from mrwork.study.schema import TuneTable
+from mrwork.study.study import fingerprint_of
+from mrwork.tuning.space import objective_of
 
 SKYHOOK = '[[controller]]\nlaw = "skyhook_groundhook"\n'
 ASKED = ("rms_acceleration@body", "peak_drift@suspension", "weighted_acceleration@body")
 
 
-def study(folder: Path, *tables: str, roads: str = ROAD) -> mr.Study:
+def study(folder: Path, *tables: str, roads: str = ROAD, references: str = "none") -> mr.Study:
     path = folder / "car.toml"
-    text = f'references = "none"\n{CAR}sprung = "body"\n{roads}{SKYHOOK}\n[hardware]\nsample_time = 0.001\n'
+    text = f'references = "{references}"\n{CAR}sprung = "body"\n{roads}{SKYHOOK}\n[hardware]\nsample_time = 0.001\n'
     path.write_text(text + "\n".join(tables))
     return mr.read_study(path)
 
@@ -134,3 +137,52 @@ def test_a_fragility_has_the_limit_of_a_place(tmp_path: Path) -> None:
     body = results.quantities.rms_acceleration[0, :, 0, 1].reshape(3, 4)
     found = mr.fragility(results, limit={"rms_acceleration@body": float(np.sort(body, axis=None)[5])})
     assert found["uncontrolled"].median > 0.0
+
+
+# The score of a study
+
+
+def test_the_score_is_the_mean_of_the_criteria_that_the_study_states(tmp_path: Path) -> None:
+    names = ("weighted_acceleration@body", "rms_drift@tyre")
+    study(tmp_path, f"[report]\nscore = {list(names)}\n", references="best_passive")
+    ended = mrwork("respond", tmp_path / "car.toml", "--out", tmp_path / "run")
+    results = mr.load(tmp_path / "run")
+    assert results.scored == names
+    numbers = [results.criteria_of_runs.numbers[name][:, 0, 0] for name in names]
+    for row in range(len(results.rows)):
+        expected = np.mean([number[row] / number[results.at_zero] for number in numbers])
+        assert results.scores(row)[0] == pytest.approx(expected, rel=1e-12)
+    # Constant commands are compared by the same numbers: of this car none is better than no command.
+    assert results.scores(results.row_of("best_passive"))[0] == 1.0
+    assert "Score (W_k acc. body, RMS drift tyre over i = 0)" in ended.stdout
+    assert "score_of_worst_place" not in {remark.code for remark in results.remarks}
+
+
+def test_a_road_without_a_score_is_told_and_another_score_is_another_study(tmp_path: Path) -> None:
+    plain = study(tmp_path)
+    (remark,) = (each for each in plain.remarks if each.code == "score_of_worst_place")
+    assert 'score = ["rms_acceleration@body", "rms_drift@tyre"]' in remark.message
+    other = study(tmp_path, '[report]\nscore = ["rms_drift@tyre"]\n')
+    prints = [fingerprint_of(each) for each in (plain, other)]
+    assert prints[0] != prints[1]
+
+
+def test_tuning_searches_the_score_of_the_study(tmp_path: Path) -> None:
+    made = study(tmp_path, '[report]\nscore = ["rms_acceleration@body"]\n')
+    objective = objective_of(
+        TuneTable(laws=("skyhook_groundhook",)), "A", Scales.of(made.building), made.scored
+    )
+    assert objective.weights == {"rms_acceleration@body": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("score", "says"),
+    [
+        ("[]", "score is empty"),
+        ('["comfort"]', "no criterion is called 'comfort'"),
+        ('["rms_drift@roof"]', "nothing is called 'roof'"),
+        ('["rms_current"]', "rms_current is zero at i = 0"),
+    ],
+)
+def test_a_score_that_is_none_is_refused(tmp_path: Path, score: str, says: str) -> None:
+    refusal(study, tmp_path, f"[report]\nscore = {score}\n", match=says)

@@ -16,6 +16,7 @@ import mrwork as mr
 from mrwork.motions import GroundMotion, force_motion
 from mrwork.motions.ground_motion import likeness
 from mrwork.report.study.figures import motion_section
+from mrwork.study.histories import read_history
 from mrwork.study.loop_case import LoopCase
 from mrwork.study.study import digest_of_run
 
@@ -51,6 +52,8 @@ def folder(tmp_path: Path) -> Path:
     save("falling.csv", "t_s,roof_N", TIME[::-1], GUSTS[2])
     save("holes.csv", "t_s,roof_N,Deck 1_N", TIME, np.where(TIME[7] == TIME, np.nan, GUSTS[2]), GUSTS[0])
     save("zeros.csv", "t_s,roof_N", TIME, 0.0 * TIME)
+    save("odd.csv", "t_s,roof_N", 1.5 * TIME, GUSTS[2])
+    save("slow.csv", "t_s,roof_N", 0.1 * np.arange(5), np.arange(5.0))
     (tmp_path / "swing.csv").write_text("t_s,a_mps2\n" + "".join(f"{t:.2f},{np.sin(t):.6f}\n" for t in TIME))
     return tmp_path
 
@@ -110,6 +113,7 @@ def test_forces_of_a_call_stand_alone_or_beside_an_acceleration(tmp_path: Path) 
         ({"forces": GUSTS / 1e3, "unit": "kN", "dt": 0.02}, 0.0 * swing),
         ({"forces": GUSTS, "acceleration": swing, "dt": 0.02}, swing),
         (replace(force_motion(GUSTS, 0.02), acceleration=swing), swing),
+        (replace(force_motion(GUSTS, 0.02), acceleration=swing, is_road=True), swing),
         (force_motion(GUSTS, 0.02), 0.0 * swing),
     ):
         made = mr.study_of(
@@ -127,9 +131,31 @@ def test_forces_of_a_call_stand_alone_or_beside_an_acceleration(tmp_path: Path) 
         again = mr.read_study(tmp_path / "study.toml")
         assert np.array_equal(again.grounds[0].forces, found.forces)
         assert np.array_equal(again.grounds[0].acceleration, found.acceleration)
+        assert again.grounds[0].is_road == found.is_road
         digests = [digest_of_run(each.arrangements[0], *each.grounds) for each in (made, again)]
         assert digests[0] == digests[1]
         assert digests[0] != digest_of_run(made.arrangements[0], replace(found, forces=2.0 * found.forces))
+
+
+def test_forces_of_a_table_act_beside_the_ground(folder: Path) -> None:
+    found = ground(folder, 'file = "swing.csv"\nforce = "slow.csv"\nfactor = 2.0')
+    assert (found.name, found.dt) == ("swing", pytest.approx(0.02))
+    assert found.acceleration == pytest.approx(2.0 * np.sin(TIME), abs=1e-5)
+    expected = 2.0 * np.interp(TIME, [0.0, 0.4], [0.0, 4.0]) * (TIME < 0.401)
+    assert found.forces == pytest.approx(expected * [[0.0], [0.0], [1.0]], abs=1e-9)
+    assert "forces of slow.csv beside it" in found.changes
+    road = ground(
+        folder, 'synthetic = "iso_8608"\nroad_class = "B"\nspeed = 20\nduration = 1\nforce = "wind.csv"'
+    )
+    assert (road.is_road, road.n_time) == (True, 2001)
+    assert road.forces[:, ::20] == pytest.approx(GUSTS, abs=1e-6)
+    assert not road.acceleration[1001:].any()
+
+
+def test_synthetic_motions_of_one_kind_are_told_apart_by_their_seeds(folder: Path) -> None:
+    road = 'synthetic = "iso_8608"\nroad_class = "C"\nspeed = 20\nduration = 2\n'
+    names = [motion.name for motion in study(folder, f"{road}[[motion]]\n{road}seed = 1").motions]
+    assert names == ["ISO 8608 class C, 20 m/s", "ISO 8608 class C, 20 m/s, seed 1"]
 
 
 def test_forces_stay_on_their_floors_where_a_baseline_adds_a_floor(folder: Path) -> None:
@@ -178,6 +204,18 @@ def test_a_run_of_forces_resumes_and_another_force_does_not(folder: Path) -> Non
     stronger = (folder / "wind.csv").read_text().replace("(kN)", "(MN)")
     (folder / "wind.csv").write_text(stronger)
     command_refusal(*words, "--resume", match="another study: motion.1.content")
+
+
+def test_a_page_draws_the_forces(folder: Path, pages: None) -> None:
+    study(folder, 'force = "wind.csv"')
+    assert mrwork("respond", folder / "study.toml", "--out", folder / "run").returncode == 0
+    page = (folder / "run" / "report.html").read_text()
+    assert "Sum of the forces on the floors of wind" in page
+    assert "Ground acceleration" not in page
+    history = read_history(folder / "run", 0, 0)
+    assert history is not None
+    expected = np.interp(history.time, TIME, GUSTS.sum(axis=0))
+    assert history.floor_force == pytest.approx(expected, rel=1e-6, abs=1e-3)
 
 
 def test_the_motion_drawn_in_detail_is_the_test_motion_of_the_largest_push(folder: Path) -> None:
@@ -291,15 +329,26 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         ('force = "wind.csv"\nscale_to = "pga"', "scale_to is of ground accelerations"),
         ('force = "wind.csv"\nbaseline = 0', "baseline is of ground accelerations"),
         ('force = "wind.csv"\ncolumn = "2"', "column is of records"),
+        ('use = "test"', "needs a file, samples, a synthetic motion, a suite, a road or forces"),
+        ('road = "swing.csv"\nfile = "swing.csv"', "has file and road; keep one"),
+        ('force = "wind.csv"\nforces = [[0.0, 1.0]]', "has force and forces; keep one"),
+        ('force = "bare.csv"\nfile = "swing.csv"\nunit = "m/s2"', "no column is time"),
         (
-            'force = "wind.csv"\nfile = "swing.csv"',
-            "either a file, samples, a synthetic motion, a suite, a force or a road",
+            'force = "odd.csv"\nfile = "swing.csv"',
+            "forces every 0.03 s beside ground motion swing every 0.02 s",
+        ),
+        (
+            f"forces = {[[0.0] * 100] * 3}\nfile = 'swing.csv'",
+            "its forces have shape \\(3, 100\\), and its acceleration 101 samples",
         ),
         ('file = "swing.csv"\nfloor = "roof"', "floor is of the one column of a force"),
         ("forces = [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]]", "no dt of its forces"),
         ("forces = [[0.0, 1.0], [0.0, 1.0]]\ndt = 0.1", "2 floors, and the building 3 floors"),
         ("forces = [[0.0, 1.0]]\nacceleration = [0, 1, 0]\ndt = 0.1", "line 11: .*as many samples"),
-        ("forces = [[0.0, 1.0]]\nacceleration = [0, 1]\ndt = 0.1\nunit = 'N'", "unit may be of acceleration"),
+        (
+            "forces = [[0.0, 1.0]]\nacceleration = [0, 1]\ndt = 0.1\nunit = 'N'",
+            "'N' is a unit of force, no unit of acceleration",
+        ),
         (
             'force = "wind.csv"\n[target]\ncode = "en_1998"\na_g = 2.0\nground = "B"',
             "line 12: .*has forces on floors",

@@ -130,7 +130,7 @@ def test_the_intensity_of_the_soil_scales_the_motion() -> None:
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("factor = 1", "needs either a file, samples"),
+        ("factor = 1", "needs a file, samples"),
         ('file = "swing.csv"\nfactor = 1\npga = 1', "line 3: .*keep one of factor, pga"),
         ('file = "swing.csv"\nsa_period = 1', "line 2: sa_period is of sa"),
         ('file = "swing.csv"\nscale_to = "sa"\nsa = 1', "keep one of sa, scale_to"),

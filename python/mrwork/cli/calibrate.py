@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of
 from mrwork.cli.options import add_run, add_threads, end_parser, on_workers
-from mrwork.cli.output import end_addition, is_quiet, progress_line, told_remarks
+from mrwork.cli.output import end_addition, progress_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, add_observation, opened_run, read_tests
 from mrwork.records.observation import as_words
@@ -72,10 +72,9 @@ def _predict_held_out(
     options: argparse.Namespace,
 ) -> tuple[tuple[Sequence[Prediction], Sequence[Prediction]], Sequence[object]]:
     """Cross-validated predictions of the tests of the run, and those beyond the others; what checks found."""
-    opened = opened_run(options)
-    remarks = told_remarks("calibrate", opened.tests, options)
+    opened, remarks = opened_run(options, "calibrate")
     try:
-        with on_workers(options), progress_line(quiet=is_quiet(options), patience=0.0) as line:
+        with on_workers(options), progress_line(options, patience=0.0) as line:
             predictions = cross_validated(
                 opened, options.leave_out, threads=options.threads, on_progress=line
             )

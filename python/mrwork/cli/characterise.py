@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
@@ -92,7 +91,7 @@ def _characterise(options: argparse.Namespace) -> int:
     models = options.model.split(",") if options.model else None
     for name in models or ():
         damper(name)
-    rows, asked = _table(options.folder)
+    rows, asked = _table(options)
     if asked:
         if options.json:
             print_json({"ask": asked, "table": str(options.folder / TABLE_NAME)})
@@ -122,12 +121,12 @@ def _characterise(options: argparse.Namespace) -> int:
         step, spare, remarks = _fitting(options, rows, models)
         steps.append(step)
     if uses["calibration"] and not (fitted and (path / CALIBRATION).is_file()):
-        steps.append(("calibrating the bands", partial(_calibrate, path, rows)))
+        steps.append(("calibrating the bands", partial(_calibrate, options, path, rows)))
     if uses["test"] and not (fitted and (path / HELD_OUT).is_file()):
-        steps.append(("predicting the tests kept for test", partial(_predict, path, rows)))
+        steps.append(("predicting the tests kept for test", partial(_predict, options, path, rows)))
     if not steps and (path / SUMMARY).is_file():
         note(nothing_to_resume(path))
-    steps.append(("writing the page and its summary", partial(_draw, path, quiet=quiet)))
+    steps.append(("writing the page and its summary", partial(_draw, options, path)))
     done = []
     for number, (what, work) in enumerate(steps, start=1):
         if not quiet:
@@ -160,7 +159,7 @@ def _fitting(
     from mrwork.uncertainty.choice.splits import can_leave_out
 
     reading = reading_of_rows(_of_use(rows, "fit"))
-    tests = _read(reading)
+    tests = _read(options, reading)
     remarks = told_remarks("identify", tests, options)
     for test in tests:
         refuse_velocity(test)
@@ -176,7 +175,7 @@ def _fitting(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )
     if len({test.command_in_words for test in tests if test.commands}) > 1:
-        _refuse_lone_commands(options.folder, rows, tests)
+        _refuse_lone_commands(options, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
         choice = partial(choose_laws, settings=settings, unit=command_unit(tests))
@@ -193,18 +192,18 @@ def _fitting(
     return ("choosing model and laws", work), spare, remarks
 
 
-def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
+def _calibrate(options: argparse.Namespace, path: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
     from mrwork.uncertainty.bands.prediction import UNSEEN
     from mrwork.uncertainty.bands.predictions import predict
 
     with adding(path, CALIBRATION):
-        predicted = predict(read_fit(path), _read(reading_of_rows(_of_use(rows, "calibration"))))
+        predicted = predict(read_fit(path), _read(options, reading_of_rows(_of_use(rows, "calibration"))))
         write_bands(path, StoredBands.of(predicted.predictions, held_out=UNSEEN))
     return 0
 
 
-def _predict(path: Path, rows: Sequence[ListedTest]) -> int:
+def _predict(options: argparse.Namespace, path: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.calibration_files import stored_calibration
     from mrwork.uncertainty.bands.held_out import keep_held_out
     from mrwork.uncertainty.bands.predictions import Predictions
@@ -213,14 +212,16 @@ def _predict(path: Path, rows: Sequence[ListedTest]) -> int:
     keep_held_out(
         path,
         Predictions.of(
-            fit_of(run), _read(reading_of_rows(_of_use(rows, "test"))), calibration=stored_calibration(run)
+            fit_of(run),
+            _read(options, reading_of_rows(_of_use(rows, "test"))),
+            calibration=stored_calibration(run),
         ),
     )
     return 0
 
 
-def _draw(path: Path, *, quiet: bool) -> int:
-    return renew_page(path, quiet=quiet) or renew_page(path, quiet=quiet, summary=True)
+def _draw(options: argparse.Namespace, path: Path) -> int:
+    return renew_page(options, path) or renew_page(options, path, summary=True)
 
 
 def _end(
@@ -231,11 +232,11 @@ def _end(
     spare: str,
     test_remarks: list[dict[str, Any]],
 ) -> int:
-    from mrwork.report.fit.front import evidence_in_words
+    from mrwork.report.fit.front import evidence_of
     from mrwork.report.fit.page import open_run
 
     opened, compared = open_run(path)
-    fit, verdict = opened.fit, evidence_in_words(opened, compared)
+    fit, verdict = opened.fit, evidence_of(opened, compared).in_words
     following = {name: str(law) for name, law in fit.spec.laws_by_name.items() if not law.is_constant}
     if options.json:
         held_out = opened.held_out
@@ -272,8 +273,9 @@ def _end(
     return 0
 
 
-def _table(folder: Path) -> tuple[tuple[ListedTest, ...], str]:
+def _table(options: argparse.Namespace) -> tuple[tuple[ListedTest, ...], str]:
     """The rows of the table of a folder, which is made where there is none; and what a person must be asked."""
+    folder = options.folder
     if not is_folder(folder):
         raise RecordError(f"{folder} is no folder; give the folder of the test records of one damper")
     path = folder / TABLE_NAME
@@ -294,7 +296,7 @@ def _table(folder: Path) -> tuple[tuple[ListedTest, ...], str]:
             row if row.use is None else replace(row, columns={COMMAND: UNKNOWN, **row.columns})
             for row in rows
         )
-    rows = _with_uses(rows)
+    rows = _with_uses(options, rows)
     write_test_table(path, rows)
     for row in rows:
         if row.doubt:
@@ -311,34 +313,38 @@ def _table(folder: Path) -> tuple[tuple[ListedTest, ...], str]:
     )
 
 
-def _with_uses(rows: Sequence[ListedTest]) -> tuple[ListedTest, ...]:
+def _with_uses(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[ListedTest, ...]:
     """Rows whose tests are fitted, set aside or kept by their motions, as far as they can be read."""
     # The tests of prediction bands load SciPy.
     from mrwork.uncertainty.bands.held_out import uses_of
 
     read = [row for row in rows if row.use is not None and not row.is_open]
     uses = (
-        dict(zip([row.file for row in read], uses_of(_read(reading_of_rows(read))), strict=True))
+        dict(zip([row.file for row in read], uses_of(_read(options, reading_of_rows(read))), strict=True))
         if read
         else {}
     )
     return tuple(replace(row, use=uses.get(row.file, row.use)) for row in rows)
 
 
-def _read(reading: Reading) -> tuple[DamperTest, ...]:
-    with reading_line(quiet=not sys.stderr.isatty()) as on_read:
+def _read(options: argparse.Namespace, reading: Reading) -> tuple[DamperTest, ...]:
+    with reading_line(options) as on_read:
         return reading.tests(on_read=on_read)
 
 
-def _refuse_lone_commands(folder: Path, rows: Sequence[ListedTest], tests: Sequence[DamperTest]) -> None:
+def _refuse_lone_commands(
+    options: argparse.Namespace, rows: Sequence[ListedTest], tests: Sequence[DamperTest]
+) -> None:
     """Refuse fitted tests of which those that remain without one motion run at one command, if a kept one helps."""
     from mrwork.uncertainty.choice.splits import can_leave_out  # loads SciPy
 
     if can_leave_out(tests):
         return
     for row in rows:
-        if row.use in ("calibration", "test") and can_leave_out([*tests, *_read(reading_of_rows([row]))]):
+        if row.use in ("calibration", "test") and can_leave_out(
+            [*tests, *_read(options, reading_of_rows([row]))]
+        ):
             raise RecordError(
-                f"{folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
+                f"{options.folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
                 f"run at one command; set the use of {Path(row.file).name} back to fit, and type: {command_line()}"
             )

@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     tests: list[DamperTest] = []
     for done, path in enumerate(reading.files):
         try:
-            with reading_line(quiet=options.json) as on_read:
+            with reading_line(options) as on_read:
                 on_read(done, len(reading.files))
                 tests.append(reading.test_of(path))
             rows.append(tests[-1].document())

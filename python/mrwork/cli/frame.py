@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from mrwork.base.progress import ProgressLine
-from mrwork.cli.output import is_quiet, progress_line
+from mrwork.cli.output import progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.store.run_folder import RunKind
@@ -46,11 +46,6 @@ class Frame:
         """The run folder that the verb writes."""
         return self.work.path
 
-    @property
-    def is_quiet(self) -> bool:
-        """Whether --quiet or --json leaves out the progress line."""
-        return is_quiet(self.options)
-
     def compute(
         self, compute: Callable[[ProgressLine], Result], *, patience: float = 0.0, before: str = ""
     ) -> tuple[Result | None, int]:
@@ -59,7 +54,7 @@ class Frame:
         `before` says what has not happened where there is nothing.
         """
         try:
-            with progress_line(quiet=self.is_quiet, patience=patience) as line:
+            with progress_line(self.options, patience=patience) as line:
                 return compute(line), 0
         except Interrupted as interrupt:
             if interrupt.result is None:

@@ -13,7 +13,7 @@ from mrwork.base.progress import OnProgress, ProgressLine
 from mrwork.base.remark import RemarkKind
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line, work_of
-from mrwork.cli.output import draw_last, renew_page, show_results
+from mrwork.cli.output import draw_last, is_quiet, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
 from mrwork.dampers.spec import DEFAULT_MODELS, DamperSpec
@@ -165,7 +165,7 @@ class Identification(Frame):
                 shown = best.document() | {"choice_of_laws": ranking.document()}
                 if best.others:
                     documents[NEAR_SETS] = others_content(best.others)
-            if best.others and not self.is_quiet:
+            if best.others and not is_quiet(self.options):
                 note(
                     f"{len(best.others)} other sets of laws predict nearly as well, within 1 point; predict and "
                     "respond say how far they are apart where the tests end"
@@ -199,7 +199,7 @@ class Identification(Frame):
         if self.is_step:
             return 0
         self._show((fit,), fit.document())
-        return renew_page(self.folder, quiet=self.is_quiet)
+        return renew_page(self.options, self.folder)
 
     def _end(
         self,
@@ -241,7 +241,7 @@ class Identification(Frame):
             run = with_additions(RunFolder.open(self.folder), fit)
             fit_page(run, predictions_of(fit, self.tests), on_progress=on_progress).write(self.folder)
 
-        status = draw_last(self.folder, draw, quiet=self.is_quiet)
+        status = draw_last(self.options, self.folder, draw)
         if status == 0 and not self.options.json:
             show(f"\nReport: {self.folder / REPORT}")
         return status

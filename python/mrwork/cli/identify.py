@@ -131,7 +131,10 @@ def run(options: argparse.Namespace) -> int:
         own_model(part) if is_own(part) else part for part in (options.model or DEFAULT_MODELS[0]).split(",")
     ]
     several = models == [ALL] or len(models) > 1
-    settings = _settings_of(options)
+    fixed = {name: (value, value) for name, value in options.fixed.items()}
+    extra = {"search": _search(options), "bounds": options.bounds | fixed}
+    # Starts from earlier fits are added once the model is known.
+    settings = FitSettings(**arguments_of(options, FitSettings) | extra)
     _refuse_together(options, settings, several=several, law_is_auto=law_is_auto)
     needless = "the laws are chosen on the threads of this process" if law_is_auto else ""
     if not (several or law_is_auto):
@@ -140,13 +143,6 @@ def run(options: argparse.Namespace) -> int:
         if several or law_is_auto:
             return _choose(options, models, settings, several=several)
         return _identify_model(options, models[0], settings)
-
-
-def _settings_of(options: argparse.Namespace) -> FitSettings:
-    """The settings that the command line gives; starts from earlier fits are added once the model is known."""
-    fixed = {name: (value, value) for name, value in options.fixed.items()}
-    extra = {"search": _search(options), "bounds": options.bounds | fixed}
-    return FitSettings(**arguments_of(options, FitSettings) | extra)
 
 
 def _search(options: argparse.Namespace) -> Search | None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
-import random
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal, get_args
@@ -23,10 +22,12 @@ from mrwork.store.run_folder import refuse_path_in_run
 
 Sample = Literal["rig", "study", "car", "wind"]
 
-_STUDY, _FLOORS = "study.toml", 6
+_STUDY = "study.toml"
 # The rig was simulated: normalised_bouc_wen with its nominal parameters, but k_w = 300 + 500 i - 80 i^2 and
 # c = 1500 + 1500 i (i in A, numbers of our own), driven by sines from rest at mid-stroke, sampled at 5 ms. The sensors
-# add white noise with standard deviations of 5 um and 4 N.
+# add white noise with standard deviations of 5 um and 4 N. The bump of the car is half a period of a cosine to either
+# side, 50 mm over 3 m. The wind rises in 10 s; gusts are sines at 0.02 to 1 Hz with random phases, of amplitudes that
+# fall with f^(-5/6) as the spectra of gusts do: common to six floors, and less than half their own.
 _SAMPLES = files("mrwork.cli") / "samples"
 
 
@@ -55,8 +56,13 @@ _Written = tuple[str, list[Path], list[str]]
 
 def run(options: argparse.Namespace) -> int:
     """Write the sample and print what can be done with it."""
-    write = {"rig": _write_rig, "study": _write_study, "car": _write_car, "wind": _write_wind}[options.sample]
-    what, written, commands = write(options.place)
+    write: dict[Sample, Callable[[Path], _Written]] = {
+        "rig": _write_rig,
+        "study": _write_study,
+        "car": partial(_write_loads, "car", "a quarter car on two roads"),
+        "wind": partial(_write_loads, "wind", "a tower under wind"),
+    }
+    what, written, commands = write[options.sample](options.place)
     document = {"sample": options.sample, "files": list(map(str, written)), "next": commands}
     lines = [f"Written: {what}", "", "Next:", *(f"  {line}" for line in commands)]
     print_result(options, document, "\n".join(lines))
@@ -86,59 +92,12 @@ def _write_study(path: Path) -> _Written:
     return f"{file}, three storeys with one damper", [file], commands
 
 
-def _write_car(folder: Path) -> _Written:
-    return _write_loads("car", "a quarter car on two roads", folder, {"bump.csv": _bump()})
-
-
-def _write_wind(folder: Path) -> _Written:
-    winds = {f"{name}.csv": _wind(seed) for seed, name in enumerate(("wind-1", "wind-2", "training"))}
-    return _write_loads("wind", "a tower under wind", folder, winds)
-
-
-def _write_loads(sample: str, what: str, folder: Path, tables: Mapping[str, Iterator[str]]) -> _Written:
+def _write_loads(sample: str, what: str, folder: Path) -> _Written:
     """Write the study of a sample and the tables of its loads."""
-    contents = [*_write_folder(sample, folder), *tables]
-    for name, lines in tables.items():
-        write_file(folder / name, "\n".join([*lines, ""]).encode())
+    contents = _write_folder(sample, folder)
     study = shlex.quote(str(folder / f"{sample}.toml"))
     commands = [f"mrwork respond {study}", f"mrwork tune {study} --quick"]
     return f"{folder}, {what}", sorted(folder / name for name in contents), commands
-
-
-def _bump() -> Iterator[str]:
-    """A road of 30 m with a bump of 50 mm over 3 m, half a period of a cosine to either side."""
-    yield "distance_m,height_mm"
-    for place in range(601):
-        height = 25.0 * (1.0 - math.cos(2.0 * math.pi * (place - 100) / 60)) if 100 < place < 160 else 0.0
-        yield f"{0.05 * place:.2f},{height:.4g}"
-
-
-def _wind(seed: int) -> Iterator[str]:
-    """A minute of forces that rise in 10 s: a mean and gusts, which six floors share, and less than half their own.
-
-    Sines at 0.02 to 1 Hz of amplitudes that fall with f^(-5/6), as the spectra of gusts do, have random phases.
-    """
-    yield ",".join(["time_s", *(f"floor {floor} (kN)" for floor in range(1, _FLOORS)), "roof (kN)"])
-    drawn = random.Random(seed)
-    frequencies = [0.02 * number for number in range(1, 51)]
-    amplitudes = [frequency ** (-5.0 / 6.0) for frequency in frequencies]
-    size = 0.2 / math.sqrt(sum(each**2 for each in amplitudes) / 2.0)
-    phases = [[drawn.uniform(0.0, 2.0 * math.pi) for _ in frequencies] for _ in range(1 + _FLOORS)]
-    for row in range(301):
-        time = 0.2 * row
-        common, *own = [
-            sum(
-                size * each * math.sin(2.0 * math.pi * frequency * time + phase)
-                for each, frequency, phase in zip(amplitudes, frequencies, of_one, strict=True)
-            )
-            for of_one in phases
-        ]
-        faded = min(time / 10.0, 1.0)
-        forces = [
-            60.0 * ((floor + 1) / _FLOORS) ** 0.4 * faded * (1.0 + 0.9 * common + 0.4 * gust)
-            for floor, gust in enumerate(own)
-        ]
-        yield ",".join([f"{time:.1f}", *(f"{force:.4g}" for force in forces)])
 
 
 def _write_folder(sample: str, folder: Path) -> list[str]:

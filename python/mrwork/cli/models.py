@@ -5,21 +5,18 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-from functools import partial
-from math import inf
 from typing import Any
 
 from mrwork.base.hints import node_of
-from mrwork.base.numbers import NOTHING, format_fixed
 from mrwork.base.summary import list_names
-from mrwork.base.table import Column, Table
+from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import Range, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model
 from mrwork.dampers.simulation import Amplitude, Frequency
-from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
+from mrwork.dampers.spec import PRESETS, DamperSpec, Preset, damper, damper_models, presets_by_force
 from mrwork.errors import SettingError
 
 
@@ -69,7 +66,11 @@ def run(options: argparse.Namespace) -> int:
         return 0
     spec = own_model(options.name) if is_own(options.name) else damper(options.name)
     if options.figure is not None:
-        _write_figure(spec, options)
+        check_figure(options.figure)
+        from mrwork.plots.of_tests import nominal_loops
+
+        loops = nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
+        write_figure(options.figure, loops)
     drawn = {} if options.figure is None else {"figure": str(options.figure)}
     follow = (
         "Any parameter can follow the command, constant, linear, quadratic, cubic or exponential: "
@@ -90,41 +91,15 @@ def _list_presets(options: argparse.Namespace) -> int:
             "--figure draws a model, and --presets lists published sets; leave one of both out"
         )
     models = damper_models() if options.name is None else (damper(options.name),)
-    presets = sorted(
-        (spec.preset(name) for spec in models for name in spec.presets),
-        key=lambda preset: (preset.rated_force or inf, preset.name, preset.spec.name),
-    )
-    columns = (
-        Column("force_class", "force class", shown=lambda words: words or "not known"),
-        Column("name", "preset"),
-        Column("spec", "model", shown=lambda spec: spec.name),
-        Column("rated_force", "force", "N", shown=partial(format_fixed, decimals=0)),
-        Column(
-            "rated_stroke",
-            "stroke",
-            "mm",
-            shown=lambda stroke: NOTHING if stroke is None else f"{1e3 * stroke:g}",
-        ),
-        Column("command_in_words", "command", shown=lambda words: words or NOTHING),
-        Column("status", "status"),
-    )
+    presets = presets_by_force(models)
     note = "Force and stroke to either side that one damper is made for; a study tells runs that exceed them."
-    listed = Table.of(columns, presets, note=note)
+    listed = Table.of(PRESETS, presets, note=note)
     print_result(options, _as_document(presets), "\n".join(listed.lines()))
     return 0
 
 
 def _as_document(presets: Sequence[Preset]) -> dict[str, Any]:
     return {"presets": [asdict(preset) | {"force_class": preset.force_class or None} for preset in presets]}
-
-
-def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
-    check_figure(options.figure)
-    from mrwork.plots.of_tests import nominal_loops
-
-    write_figure(
-        options.figure, nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
-    )
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

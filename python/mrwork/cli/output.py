@@ -33,16 +33,16 @@ def is_quiet(options: argparse.Namespace) -> bool:
     return bool(options.json or getattr(options, "quiet", False))
 
 
-def progress_line(*, quiet: bool, patience: float = PATIENCE) -> ProgressLine:
-    """A line of progress, which is cleared at the end."""
-    display = None if quiet else display_here(write=write_stderr, note=note)
+def progress_line(options: argparse.Namespace, *, patience: float = PATIENCE) -> ProgressLine:
+    """A line of progress, which is cleared at the end; with --quiet or --json nothing."""
+    display = None if is_quiet(options) else display_here(write=write_stderr, note=note)
     return ProgressLine(display, patience=patience)
 
 
 @contextmanager
-def reading_line(*, quiet: bool) -> Iterator[OnRead]:
+def reading_line(options: argparse.Namespace) -> Iterator[OnRead]:
     """Progress line with the number of tests that have been read."""
-    with progress_line(quiet=quiet, patience=0.0) as line:
+    with progress_line(options, patience=0.0) as line:
 
         def report(done: int, total: int) -> None:
             said = "reading the test" if total == 1 else f"reading {done + 1} of {total} tests"
@@ -99,7 +99,7 @@ def end_addition(
     With --json it is the document of the result, and what is `more` in it.
     """
     show_results(options, result, document={**result.document(), **more}, below=below)
-    return renew_page(options.run_folder, quiet=is_quiet(options))
+    return renew_page(options, options.run_folder)
 
 
 def told_remarks(
@@ -123,7 +123,7 @@ def notes_on_verdicts(fit: Fit, kind: Literal["profile", "posterior"]) -> list[s
     return notes
 
 
-def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:
+def renew_page(options: argparse.Namespace, folder: Path, *, summary: bool = False) -> int:
     """Draw the page of a run, or its front alone, from what its folder holds; return the exit status of `draw_last`."""
 
     def draw(on_progress: OnProgress) -> None:
@@ -131,10 +131,10 @@ def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:
 
         write_page(folder, summary=summary, on_progress=on_progress)
 
-    return draw_last(folder, draw, quiet=quiet)
+    return draw_last(options, folder, draw)
 
 
-def draw_last(folder: Path, draw: Callable[[OnProgress], None], *, quiet: bool) -> int:
+def draw_last(options: argparse.Namespace, folder: Path, draw: Callable[[OnProgress], None]) -> int:
     """Draw the page of a run, whose other files are written already: whatever fails is a warning.
 
     Return the exit status, see `drawing`; it is 2 where the page cannot be written.
@@ -142,7 +142,7 @@ def draw_last(folder: Path, draw: Callable[[OnProgress], None], *, quiet: bool) 
     with undrawn_warned(
         f"the page of {folder}", f"the results are written; mrwork report {folder} draws it"
     ) as failed:
-        return drawing(folder, draw, quiet=quiet)
+        return drawing(options, folder, draw)
     return 2 if isinstance(failed[0], OutputError) else 0
 
 
@@ -159,13 +159,13 @@ def undrawn_warned(what: str, remedy: str) -> Iterator[list[Exception]]:
         note(f"{kind}{what} was not drawn ({reason}); {remedy}")
 
 
-def drawing(folder: Path, draw: Callable[[OnProgress], None], *, quiet: bool) -> int:
+def drawing(options: argparse.Namespace, folder: Path, draw: Callable[[OnProgress], None]) -> int:
     """Draw the page of a run, whose other files are written already, and show the progress.
 
     Return the exit status: 130 after Ctrl-C, when a message says how to draw the page later, otherwise 0.
     """
     try:
-        with progress_line(quiet=quiet) as line:
+        with progress_line(options) as line:
             draw(line)
     except KeyboardInterrupt:
         note(

@@ -10,7 +10,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_run, add_threads, end_parser
-from mrwork.cli.output import end_addition, told_remarks
+from mrwork.cli.output import end_addition
 from mrwork.cli.tests import opened_run
 from mrwork.errors import SettingError
 from mrwork.store.codec import json_document
@@ -48,8 +48,7 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Rank the candidates, write and print."""
     with adding(options.run_folder, PLAN):
-        opened = opened_run(options)
-        remarks = told_remarks("plan", opened.tests, options)
+        opened, remarks = opened_run(options, "plan")
         spec = opened.fit.spec
         limits = Limits(**arguments_of(options, Limits))
         candidates = _candidates(options, opened, limits)

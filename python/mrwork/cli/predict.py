@@ -7,7 +7,7 @@ import argparse
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
-from mrwork.cli.output import is_quiet, renew_page, show_results, told_remarks
+from mrwork.cli.output import renew_page, show_results, told_remarks
 from mrwork.cli.tests import add_files, add_observation, read_tests
 from mrwork.records.observation import as_words
 from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     as_fitted = options.substep_factor == 1 and words == fit.settings.observe
     stored = as_fitted and keep_held_out(options.run_folder, predictions)
     if stored:
-        renew_page(options.run_folder, quiet=is_quiet(options))
+        renew_page(options, options.run_folder)
     more = {"stored": str(options.run_folder / HELD_OUT)} if stored else {}
     show_results(options, predictions, document=predictions.document() | {"test_remarks": remarks} | more)
     return 0

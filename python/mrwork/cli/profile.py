@@ -9,14 +9,7 @@ from dataclasses import asdict, replace
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of, arguments_of
 from mrwork.cli.options import add_run, add_threads, end_parser
-from mrwork.cli.output import (
-    end_addition,
-    is_quiet,
-    notes_on_verdicts,
-    progress_line,
-    show_results,
-    told_remarks,
-)
+from mrwork.cli.output import end_addition, notes_on_verdicts, progress_line, show_results
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted, RecordError
@@ -45,10 +38,10 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.runs.load import StoredRun, load
 
     with adding(options.run_folder, PROFILES):
-        opened = opened_run(options)
-        remarks, path = told_remarks("profile", opened.tests, options), opened.run.path
+        opened, remarks = opened_run(options, "profile")
+        path = opened.run.path
         try:
-            with progress_line(quiet=is_quiet(options)) as line:
+            with progress_line(options) as line:
                 profiles = profile(
                     opened.fit,
                     opened.tests,

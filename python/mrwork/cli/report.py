@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from mrwork.base.progress import OnProgress
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import add_run, end_parser
-from mrwork.cli.output import drawing, is_quiet, print_json, told_remarks
+from mrwork.cli.output import drawing, print_json, told_remarks
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
         if options.figures:
             names.extend(write_figures(path, page, on_progress=on_progress))
 
-    status = drawing(path, draw, quiet=is_quiet(options))
+    status = drawing(options, path, draw)
     if status == 0:
         remarks = told_remarks("report", tests, options)
         if options.json:

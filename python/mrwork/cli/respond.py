@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
-from mrwork.cli.output import check_figure, is_quiet, print_result, progress_line, show_results, write_figure
+from mrwork.cli.output import check_figure, print_result, progress_line, show_results, write_figure
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, SettingError
@@ -134,11 +134,11 @@ def _find_counts(options: argparse.Namespace) -> int:
 
     study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if options.motions == "all" else study.of_use(options.motions)
-    with progress_line(quiet=is_quiet(options)) as line:
+    with progress_line(options) as line:
         counts = damper_counts(
             study,
             by="uniform" if options.size == "count" else "storey",
-            on_progress=None if is_quiet(options) else line,
+            on_progress=line,
             threads=options.threads,
         )
     drawn: dict[str, str] = {}
@@ -191,7 +191,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             journal=journal,
             kept=histories.is_stored,
             keep=histories.keep,
-            on_progress=None if is_quiet(options) else line,
+            on_progress=line,
             check_step=options.check_step,
             threads=options.threads,
         )
@@ -235,6 +235,5 @@ def _run_ensemble(
         alone = read if options.motions == "all" else read.of_use(options.motions)
         # No verdict is from histories or realisations.
         alone = replace(alone, histories=(), realisations=None)
-        on_progress = None if is_quiet(options) else report
-        every.append(run_study(alone, journal=journal, on_progress=on_progress, threads=options.threads))
+        every.append(run_study(alone, journal=journal, on_progress=report, threads=options.threads))
     return ensemble_of(every)

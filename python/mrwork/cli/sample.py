@@ -11,7 +11,7 @@ from mrwork.base.progress import Progress
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, add_threads, end_parser
-from mrwork.cli.output import end_addition, is_quiet, notes_on_verdicts, progress_line, told_remarks
+from mrwork.cli.output import end_addition, is_quiet, notes_on_verdicts, progress_line
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted
@@ -62,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
     from mrwork.runs.load import StoredRun, load
 
-    opened = opened_run(options)
-    remarks = told_remarks("sample", opened.tests, options)
+    opened, remarks = opened_run(options, "sample")
     path = opened.run.path
     with addition_journal(path, CHAIN, resume=options.resume, replace=options.replace, note=note) as journal:
         draws = _sample(opened, journal, options)
@@ -84,7 +83,7 @@ def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) ->
     """Sample with a progress line; return the draws, `None` after Ctrl-C."""
     told = False
     try:
-        with progress_line(quiet=is_quiet(options)) as line:
+        with progress_line(options) as line:
 
             def report(progress: Progress) -> None:
                 nonlocal told

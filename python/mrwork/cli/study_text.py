@@ -14,7 +14,7 @@ from mrwork import __version__
 from mrwork.base.progress import Progress, ProgressLine
 from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.options import on_workers
-from mrwork.cli.output import is_quiet, print_json, progress_line, renew_page
+from mrwork.cli.output import print_json, progress_line, renew_page
 from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.runs.study import read_study
 from mrwork.store.codec import digest_of
@@ -59,7 +59,7 @@ def run_on_study(
     A `check` refuses the study before its laws are designed.
     """
     began = time.perf_counter()
-    with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
+    with progress_line(options, patience=_SOON) as line, keep_stdout():
         line(Progress(stage="reading", said=("reading the study and designing its laws",)))
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
@@ -67,7 +67,7 @@ def run_on_study(
     frame = Frame(options=options, work=work_of(options, kind, default), kept=kept)
     with frame.work as work:
         journal = work.journal()
-        with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
+        with progress_line(options, patience=_SOON) as line, keep_stdout():
             study = designed(study, journal=journal, on_progress=line)
         verb = verb_of(study, work)
         with keep_stdout(), on_workers(options):
@@ -93,7 +93,7 @@ def run_on_study(
             work.commit(verb.files(results, study.origin.file), manifest, grown=(JOURNAL, *histories))
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if not interrupted:
-                status = renew_page(folder, quiet=is_quiet(options))
+                status = renew_page(options, folder)
         if options.json:
             print_json(verb.document(results) | {"out": str(folder)})
         else:

@@ -13,7 +13,7 @@ from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.cli.command_parser import MEASUREMENT, RECORDS, CommandParser
 from mrwork.cli.derived import UNCHANGED, add_option_of, add_options_of, arguments_of
 from mrwork.cli.numbers import finite_number
-from mrwork.cli.output import is_quiet, reading_line
+from mrwork.cli.output import reading_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
@@ -22,6 +22,7 @@ from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 
 if TYPE_CHECKING:
+    from mrwork.base.remark import Verb
     from mrwork.identification.fit import Fit
     from mrwork.identification.fit_file import OpenedRun
     from mrwork.records import DamperTest, ListedTest
@@ -126,16 +127,17 @@ def read_tests(
     Tests that `fit` is to predict are read with the velocity that its own have.
     """
     reading = reading_of(options, use, fit)
-    with reading_line(quiet=is_quiet(options)) as on_read:
+    with reading_line(options) as on_read:
         return reading, reading.tests(on_read=on_read)
 
 
-def opened_run(options: argparse.Namespace) -> OpenedRun:
-    """The run folder of the command line with its tests; reports progress in a line."""
+def opened_run(options: argparse.Namespace, verb: Verb) -> tuple[OpenedRun, list[dict[str, Any]]]:
+    """The run folder of the command line with its tests, and what matters of them to a verb; reports progress."""
     from mrwork.identification.fit_file import reopen
 
-    with reading_line(quiet=is_quiet(options)) as on_read:
-        return reopen(options.run_folder, on_read=on_read)
+    with reading_line(options) as on_read:
+        opened = reopen(options.run_folder, on_read=on_read)
+    return opened, told_remarks(verb, opened.tests, options)
 
 
 def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) -> CommandUnit:

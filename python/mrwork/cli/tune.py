@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
-from mrwork.cli.output import is_quiet
 from mrwork.cli.own_models import add_trust
 from mrwork.errors import Interrupted
 from mrwork.store.run_folder import CHOSEN, TUNING_RUN
@@ -97,7 +96,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             journal=journal,
             kept=stored.is_stored,
             keep=stored.keep,
-            on_progress=None if is_quiet(options) else line,
+            on_progress=line,
             threads=options.threads,
         )
 

@@ -16,7 +16,7 @@ from mrwork.base.arguments import AnyNumbers, Whole
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Remark
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, list_names
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.base.units import unusual_number
 from mrwork.base.values import Floats, array_dataclass
@@ -196,7 +196,7 @@ class Criterion:
         """The value for each run of `responses`, which has the quantities of runs as attributes."""
         return np.asarray(np.max(self.of_places(responses, scales), axis=-1, initial=0.0))
 
-    def of_places(self, responses: object, scales: Scales) -> Floats:
+    def of_places(self, responses: Any, scales: Scales) -> Floats:
         """The numbers of each run whose largest is the value, along a last axis, as of floors or storeys."""
         values = np.abs(getattr(responses, self.quantity))
         if self.scale not in ("", "weight"):
@@ -204,9 +204,8 @@ class Criterion:
             values = scales.divide(values, self.scale, shears)
         axis = quantity_named(self.quantity).axis
         if self.place:
-            axes: Mapping[str, Sequence[str]] = getattr(responses, "axes")  # noqa: B009 - of runs of a study
-            self.check_place(axes)
-            values = values[..., [axes[axis].index(self.place)]]
+            self.check_place(responses.axes)
+            values = values[..., [responses.axes[axis].index(self.place)]]
         if axis == "device":
             # What a run does not have, NaN, counts as nothing: without devices the largest force is zero.
             values = np.where(np.isnan(values), 0.0, values)
@@ -262,12 +261,14 @@ def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
 
 
 SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
-"""Criteria whose ratios are averaged in the score."""
+"""Criteria whose ratios to i = 0 are averaged in the score, unless a study states others."""
 
 
-def score(ratios: Mapping[str, Floats]) -> Floats:
-    """Mean over `SCORE` of the ratio of each criterion to its value at i = 0, as defined in this project."""
-    return np.asarray(np.mean([ratios[name] for name in SCORE], axis=0))
+def scored_in_words(names: Sequence[str]) -> str:
+    """The criteria of a score, as part of a heading."""
+    if tuple(names) == SCORE:
+        return "peak and RMS drift and acceleration"
+    return list_names([criterion(name).short for name in names])
 
 
 def searched(numbers: Floats) -> Floats:

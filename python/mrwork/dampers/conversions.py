@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.base.arguments import AnyArray, checked
+from mrwork.base.arguments import AnyArray, checked, unchecked
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import Array
 from mrwork.errors import SettingError
@@ -67,42 +67,34 @@ def _joined(theta: Array, *columns: Array) -> Array:
     return converted
 
 
-@_QUIET
-def _normalised_from_bouc_wen(theta: Array) -> Array:
-    c0, k0, x0, alpha, gamma, beta, A, n = _columns(theta, 8)
-    z_max = (A / (beta + gamma)) ** (1.0 / n)
-    return _joined(theta, c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n)
-
-
-@_QUIET
-def _bouc_wen_from_normalised(theta: Array, A: float) -> Array:
-    c, k, x0, k_w, rho, sigma, n = _columns(theta, 7)
-    z_max = A / rho
-    sum_ = A / z_max**n
-    return _joined(theta, c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, 0.0 * n + A, n)
-
-
 @checked
+@_QUIET
 def normalised_from_bouc_wen(theta: AnyArray) -> Array:
     """Parameters of `normalised_bouc_wen`, shape (..., 7), equal in force to a `bouc_wen`, shape (..., 8).
 
     With z_max = (A/(beta+gamma))^(1/n): rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max
     (Ikhouane, Rodellar 2007).
     """
-    return _normalised_from_bouc_wen(theta)
+    c0, k0, x0, alpha, gamma, beta, A, n = _columns(theta, 8)
+    z_max = (A / (beta + gamma)) ** (1.0 / n)
+    return _joined(theta, c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n)
 
 
 @checked
+@_QUIET
 def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     """Parameters of `bouc_wen`, shape (..., 8), equal in force to a `normalised_bouc_wen`, shape (..., 7).
 
     The Spencer form has one redundant scale parameter, which `A` fixes.
     """
-    return _bouc_wen_from_normalised(theta, A)
+    c, k, x0, k_w, rho, sigma, n = _columns(theta, 7)
+    z_max = A / rho
+    sum_ = A / z_max**n
+    return _joined(theta, c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, 0.0 * n + A, n)
 
 
-NORMALISED_FROM_BOUC_WEN: Final = Conversion(_normalised_from_bouc_wen)
-BOUC_WEN_FROM_NORMALISED: Final = Conversion(_bouc_wen_from_normalised)
+NORMALISED_FROM_BOUC_WEN: Final = Conversion(unchecked(normalised_from_bouc_wen))
+BOUC_WEN_FROM_NORMALISED: Final = Conversion(unchecked(bouc_wen_from_normalised))
 
 
 @_QUIET

@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from math import ceil, inf, log10
 from typing import ClassVar, Literal, NamedTuple
 
@@ -16,7 +16,7 @@ from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.keys import check_known
-from mrwork.base.numbers import format_rounded, in_newtons, of_unit
+from mrwork.base.numbers import NOTHING, format_fixed, format_rounded, in_newtons, of_unit
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
@@ -238,6 +238,22 @@ class DamperSpec(Summarised):
         )
 
 
+PRESETS = (
+    Column("force_class", "force class", shown=lambda words: words or "not known"),
+    Column("name", "preset"),
+    Column("spec", "model", shown=lambda spec: spec.name),
+    Column("rated_force", "force", "N", shown=partial(format_fixed, decimals=0)),
+    Column(
+        "rated_stroke",
+        "stroke",
+        "mm",
+        shown=lambda stroke: NOTHING if stroke is None else f"{1e3 * stroke:g}",
+    ),
+    Column("command_in_words", "command", shown=lambda words: words or NOTHING),
+    Column("status", "status"),
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Preset(Summarised):
     """A published set: the model with its current laws, and `theta` in order.
@@ -315,6 +331,12 @@ def damper_models() -> tuple[DamperSpec, ...]:
         laws = (CONSTANT,) * len(plain)
         models.append(DamperSpec(**entry | {"parameters": plain, "plain": plain, "laws": laws}))
     return tuple(models)
+
+
+def presets_by_force(models: Iterable[DamperSpec]) -> list[Preset]:
+    """The published sets of models, the smallest dampers first."""
+    presets = [spec.preset(name) for spec in models for name in spec.presets]
+    return sorted(presets, key=lambda preset: (preset.rated_force or inf, preset.name, preset.model))
 
 
 @checked

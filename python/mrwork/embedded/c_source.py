@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib.resources import files
 from math import isfinite, isnan
 from string import Template
@@ -13,6 +12,7 @@ from textwrap import wrap
 from typing import Final, Literal
 
 from mrwork import _rust
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 
 # Words that C or its header math.h has taken, of those that parameters and folders may be called.
@@ -98,18 +98,13 @@ class Flavour:
 
     def _elementary(self) -> str:
         if not (self.libm or self.single):
-            return self.fill("elementary.c", functions=_functions())
+            return self.fill("elementary.c", functions=_rust.elementary_functions())
         suffix = "f" if self.single else ""
         names = {"exp": "exp", "ln": "log", "pow": "pow", "tanh": "tanh"}
         return "".join(f"#define mr_{own} {name}{suffix}\n" for own, name in names.items())
 
 
 _NUMBERS = {"zero": 0.0, "half": 0.5, "one": 1.0}
-
-
-@cache
-def _functions() -> str:
-    return _rust.elementary_functions()
 
 
 def c_name(text: str) -> str:
@@ -133,10 +128,21 @@ def c_names(texts: Sequence[str]) -> list[str]:
     return names
 
 
-def comment(lines: Iterable[str]) -> str:
-    """Lines as those of a comment, none too long to read beside the code."""
+def head_of(name: str, sentences: Iterable[str]) -> str:
+    """The comment that begins printed code, with how to compile it, in lines that are read beside the code."""
+    lines = (
+        *sentences,
+        f"Compile: cc -std=c99 -O2 -ffp-contract=off {name}.c {name}_check.c -lm; on x86 with -mfma, or fma is a slow "
+        "call. Rounding to nearest.",
+        f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
+    )
     parts = (part for line in lines for part in wrap(within_comment(line), _WIDTH) or [""])
     return "\n".join(f" * {part}".rstrip() for part in parts)
+
+
+def rows_of(columns: Floats) -> str:
+    """A table of the check of printed code, shape (n_rows, n_columns), as C has it."""
+    return ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in columns.tolist())
 
 
 def within_comment(text: str) -> str:

@@ -12,7 +12,7 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.printed_loop import PrintedLoop
 from mrwork.closed_loop.user_law import READINGS
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.embedded.c_source import CSource, Flavour, Signal, comment, within_comment
+from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, rows_of, within_comment
 
 _SAMPLES = 1000
 # Readings that a controller may have: unit, size in the check, largest that is believed, and words.
@@ -71,9 +71,6 @@ def controller_source(
         "A force is that with which a device resists, and is positive while it lengthens. The law was "
         f"designed for samples {of_unit(sample_time, 's')} apart.",
         "No watchdog is here: stop calling, and the last command stays. Send zero where samples do not come.",
-        f"Compile: cc -std=c99 -O2 -ffp-contract=off {name}.c {name}_check.c -lm; on x86 with -mfma, or fma is a slow "
-        "call. Rounding to nearest.",
-        f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
     ]
     of_state = {"displacement", "velocity"} & read.keys()
     notes = (_OF_STATE,) if of_state else ()
@@ -84,7 +81,7 @@ def controller_source(
         "macro": name.upper(),
         "title": f"Controller: {law.spec.title}, in SI",
         "unit": unit,
-        "head": comment(head),
+        "head": head_of(name, head),
         "n_devices": loop.n_commanded,
         "n_all": n_all,
         "n_estimated": 1 if observer is None else len(observer.Ad),
@@ -271,7 +268,6 @@ def _check(
         if signal in read
     ]
     columns = np.concatenate([readings[:, [place for part in shown for place in part]], commands], axis=1)
-    rows = ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in columns.tolist())
     filled = _filled(read, "samples[i]", flavour)
     largest = float(np.abs(commands).max())
     return flavour.fill(
@@ -280,7 +276,7 @@ def _check(
         n_samples=len(columns),
         width=columns.shape[1],
         n_devices=loop.n_commanded,
-        rows=rows,
+        rows=rows_of(columns),
         filled=filled,
         tolerance=repr(flavour.share * largest),
         allowed=commands.size // 100 if flavour.single else 0,

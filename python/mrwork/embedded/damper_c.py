@@ -13,7 +13,7 @@ from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.simulation import Loading, Outcome, refuse_failure, simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
-from mrwork.embedded.c_source import CSource, Flavour, Signal, c_names, comment
+from mrwork.embedded.c_source import CSource, Flavour, Signal, c_names, head_of, rows_of
 from mrwork.errors import SettingError
 
 _SAMPLES = 1000
@@ -94,9 +94,6 @@ def damper_source(
         f"Tested: {tested.in_words}",
         f"Source of the model: {spec.source}",
         straight,
-        f"Compile: cc -std=c99 -O2 -ffp-contract=off {name}.c {name}_check.c -lm; on x86 with -mfma, or fma is a slow "
-        "call. Rounding to nearest.",
-        f"Printed by mrwork {_rust.__version__}, under its MIT licence.",
     ]
     n_params = len(spec.without_laws.parameters)
     command = max(map(abs, tested.command or (1.0,)))
@@ -111,7 +108,7 @@ def damper_source(
         "macro": name.upper(),
         "title": f"{spec.title} damper, in SI",
         "unit": unit,
-        "head": comment(head),
+        "head": head_of(name, head),
         "n_states": spec.n_states,
         "n_kept": max(spec.n_states, 1),
         "n_columns": len(names),
@@ -235,12 +232,11 @@ def _sampled(spec: DamperSpec, theta: Floats, motion: Loading, dt: float, subste
 def _check(name: str, samples: Sampled, flavour: Flavour) -> str:
     """A program that ends with 0 where the printed damper gives the forces of the core."""
     columns = (samples.displacement, samples.velocity, samples.command, samples.force)
-    rows = ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in np.stack(columns, axis=1).tolist())
     largest = float(np.abs(samples.force).max())
     return flavour.fill(
         "damper_check.c",
         name=name,
         n_samples=len(samples.force),
-        rows=rows,
+        rows=rows_of(np.stack(columns, axis=1)),
         tolerance=repr(flavour.share * largest),
     )

@@ -22,7 +22,6 @@ from .synthetic import Envelope as Envelope
 from .synthetic import GammaEnvelope as GammaEnvelope
 from .synthetic import near_fault_pulse as near_fault_pulse
 from .synthetic import sine as sine
-from .synthetic import sine_sweep as sine_sweep
 from .synthetic import suite as suite
 from .synthetic import synthetic_motion as synthetic_motion
 from .targets import SuiteCheck as SuiteCheck

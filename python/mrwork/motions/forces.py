@@ -20,6 +20,9 @@ from mrwork.motions.ground_motion import GroundMotion, force_motion, replace_sam
 from mrwork.motions.networks import on_one_step
 from mrwork.motions.read import runs_as_time, seconds_of
 
+# Part of a step by which two steps may miss being multiples, as by the rounding of times.
+_OFF_STEP = 1e-6
+
 
 def shares_of(floors: Sequence[str], floor: str | int | None, shape: Sequence[float] | None) -> Floats | None:
     """Share of each floor in one history of forces, shape (n_floors, 1); `None` where every floor has its own.
@@ -168,3 +171,27 @@ def _factors(
             f"{source}: `unit` is {unit!r} where every column states its own; leave `unit` out"
         )
     return factors
+
+
+def with_forces(ground: GroundMotion, forced: GroundMotion) -> GroundMotion:
+    """A motion of the ground with the forces of another, on the finer of their steps; the shorter ends in zeros.
+
+    Both stay what they are, linear between their samples: the coarser step is a multiple of the finer one.
+    """
+    if ground.forces.size:
+        raise SettingError(f"ground motion {ground.name} has forces on floors; leave the others out")
+    times = max(ground.dt, forced.dt) / (step := min(ground.dt, forced.dt))
+    if abs(times - round(times)) > _OFF_STEP * times:
+        raise SettingError(
+            f"{forced.source}: forces every {forced.dt:g} s beside ground motion {ground.name} every {ground.dt:g} s; "
+            "give one step, or one that is a multiple of the other"
+        )
+    n_time = 1 + max(round(motion.duration / step) for motion in (ground, forced))
+
+    def brought(motion: GroundMotion, samples: Floats) -> Floats:
+        at = np.arange(n_time) / round(motion.dt / step)
+        return np.interp(at, np.arange(motion.n_time), samples, right=0.0)
+
+    forces = np.array([brought(forced, force) for force in forced.forces])
+    change = f"forces of {forced.source} beside it"
+    return replace_samples(ground, brought(ground, ground.acceleration), step, change, forces=forces)

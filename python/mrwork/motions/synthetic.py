@@ -1,4 +1,4 @@
-"""Computed ground motions: synthetic earthquakes from a spectral density, suites of them, and simple pulses for tests.
+"""Computed ground motions: synthetic earthquakes from a spectral density, suites of them, sines and pulses.
 
 A controller that is tuned on some motions is judged on others, so a study needs many of them. A motion of a suite is
 `synthetic_motion` of a Clough-Penzien spectrum, with a near-fault pulse in half of them, brought to rest at its end.
@@ -181,20 +181,13 @@ class GammaEnvelope:
 @checked
 def sine(*, amplitude: float, frequency: Positive, cycles: float, dt: float = 0.001) -> GroundMotion:
     """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
-    time = _time(cycles / _sample("frequency", frequency, dt), dt)
-    acceleration = amplitude * np.sin(2.0 * np.pi * frequency * time)
-    return _motion(f"sine {frequency:g} Hz", dt, acceleration)
-
-
-@checked
-def sine_sweep(
-    *, amplitude: float, start: Positive, end: float, duration: float, dt: float = 0.001
-) -> GroundMotion:
-    """Linear sine sweep of acceleration from `start` to `end` [Hz] in `duration` [s]."""
-    time = _time(duration, dt)
-    _sample("end", end, dt)
-    phase = 2.0 * np.pi * (_sample("start", start, dt) * time + 0.5 * (end - start) / duration * time**2)
-    return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
+    if not frequency * dt < 0.5:
+        raise SettingError(
+            f"frequency is {frequency:g} Hz, and samples every {dt:g} s hold nothing above {0.5 / dt:g} Hz; give less, "
+            "or a shorter `dt`"
+        )
+    acceleration = amplitude * np.sin(2.0 * np.pi * frequency * _time(cycles / frequency, dt))
+    return GroundMotion(name=f"sine {frequency:g} Hz", dt=dt, acceleration=acceleration, source="computed")
 
 
 @checked
@@ -224,20 +217,6 @@ def _time(duration: float, dt: float) -> Floats:
         raise SettingError(f"a motion of {duration} s every {dt} s; give a positive step below the duration")
     check_samples(duration, dt)
     return dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
-
-
-def _sample(name: str, frequency: float, dt: float) -> float:
-    """A frequency [Hz] that samples every `dt` [s] hold."""
-    if not frequency * dt < 0.5:
-        raise SettingError(
-            f"{name} is {frequency:g} Hz, and samples every {dt:g} s hold nothing above {0.5 / dt:g} Hz; give less, or "
-            "a shorter `dt`"
-        )
-    return frequency
-
-
-def _motion(name: str, dt: float, acceleration: Floats) -> GroundMotion:
-    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source="computed")
 
 
 MOST_OF_A_SUITE = 100_000

@@ -75,10 +75,6 @@ def _files_in(folder: Path, owned: Callable[[str], bool]) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in paths)
 
 
-def _is_no_lock(name: str) -> bool:
-    return not PurePath(name).match(".*lock")
-
-
 def _entries_of(names: Iterable[str]) -> list[str]:
     """Files, and folders in the place of the files in them."""
     return list(dict.fromkeys(first + slash for first, slash, _ in (name.partition("/") for name in names)))
@@ -158,7 +154,9 @@ class RunAtWork:
         journals = chain.from_iterable(map(folder.glob, JOURNALS))
         if exists(folder / MANIFEST):
             fault = f"has a {MANIFEST} that is not that of a run of mrwork"
-        elif any(map(is_journal, journals)) or not _files_in(folder, _is_no_lock):
+        elif any(map(is_journal, journals)) or not _files_in(
+            folder, lambda name: not PurePath(name).match(".*lock")
+        ):
             return None
         else:
             fault = f"holds files but no {MANIFEST}, so it is not a run folder"

@@ -11,6 +11,7 @@ import numpy as np
 from mrwork.base.labelled import NamedArray, NamedArrays
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals
+from mrwork.motions import GroundMotion
 from mrwork.store.netcdf import netcdf_of, read_netcdf
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import HISTORIES, RunFolder
@@ -19,6 +20,7 @@ from mrwork.study.study import Arrangement, Study
 
 # Signals of no use to pages, and energies, which a history has in one array.
 _LEFT_OUT = {"input_energy", "damping_energy", "device_energy"}
+_PUSH = Quantity(name="floor_force", axis="run", unit="N", description="sum of the forces on the floors")
 _ENERGY = ("input", "kinetic", "strain", "damping", "devices")
 
 
@@ -26,9 +28,9 @@ _ENERGY = ("input", "kinetic", "strain", "damping", "devices")
 class RunHistory(Labelled):
     """The history of a run, each signal an attribute: shapes (n_time,), for floors, storeys and devices (n_time, n).
 
-    They are the `history_signals` that pages draw. `energy` has the columns input, kinetic, strain, damping and
-    devices [J], cumulative from the start; passive devices count among them. The rest of the input is in storeys that
-    yield.
+    They are the `history_signals` that pages draw, and `floor_force`, the sum of the forces on the floors [N], where
+    some act. `energy` has the columns input, kinetic, strain, damping and devices [J], cumulative from the start;
+    passive devices count among them. The rest of the input is in storeys that yield.
     """
 
     time: Floats
@@ -40,8 +42,8 @@ def _kept_signals() -> list[Quantity]:
     return [signal for signal in named if signal.axis not in ("state", "element")]
 
 
-def history_of(history: History, arrangement: Arrangement) -> RunHistory:
-    """The history of a run, for the floors and storeys of the bare building."""
+def history_of(history: History, arrangement: Arrangement, motion: GroundMotion) -> RunHistory:
+    """The history of a run under a motion, for the floors and storeys of the bare building."""
     devices = range(len(arrangement.devices))
     places = {**arrangement.places, "device": [*devices]}
     energies = (
@@ -58,7 +60,10 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         else history.numbers[signal.name]
         for signal in _kept_signals()
     }
-    return RunHistory(time=history.time, numbers={**numbers, "energy": np.stack(energies, axis=1)})
+    numbers["energy"] = np.stack(energies, axis=1)
+    if motion.forces.size:
+        numbers[_PUSH.name] = np.interp(history.time, motion.time, motion.forces.sum(axis=0), right=0.0)
+    return RunHistory(time=history.time, numbers=numbers)
 
 
 class Histories:
@@ -88,7 +93,8 @@ class Histories:
         numbers = {name: signal.astype(np.float32) for name, signal in history.numbers.items()}
         arrays = {
             signal.name: signal.array(numbers[signal.name], "time", command_unit=study.command_unit)
-            for signal in _kept_signals()
+            for signal in (*_kept_signals(), _PUSH)
+            if signal.name in numbers
         }
         words = {"unit": "J", "long_name": "energy since the start"}
         arrays["energy"] = NamedArray.of(numbers["energy"], "time", "energy_part", **words)

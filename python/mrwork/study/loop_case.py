@@ -14,7 +14,7 @@ from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.device import Device, ideal_actuator
 from mrwork.buildings.yielding import with_factors
-from mrwork.closed_loop.evaluation import Scales
+from mrwork.closed_loop.evaluation import SCORE, Scales
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, command_unit_of
 from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
@@ -42,7 +42,7 @@ class LoopCase:
     """An arrangement under motions, with hardware, and realisations or none: what a study or a tuning simulates.
 
     With `dampers_only` its peak stroke is that of dampers, also where isolators have one. Criteria `asked` for are
-    those on request, as at a place.
+    those on request, as at a place, and `scored` those of the score.
     """
 
     arrangement: Arrangement
@@ -53,6 +53,7 @@ class LoopCase:
     on_block: OnBlock | None = None
     dampers_only: bool = False
     asked: tuple[str, ...] = ()
+    scored: tuple[str, ...] = SCORE
 
     def under(self, law: StudyLaw | None, devices: Sequence[Device] = ()) -> LoopCase:
         """The case under a law, perhaps with other devices in the places of the own ones."""
@@ -164,6 +165,7 @@ def training_case(study: Study, *, threads: int = 0, on_block: OnBlock | None = 
         threads=threads,
         on_block=on_block,
         asked=study.asked,
+        scored=study.scored,
     )
 
 

@@ -22,12 +22,13 @@ from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.examination import force_remarks, refuse_absurd
-from mrwork.motions.forces import read_forces, shares_of
+from mrwork.motions.forces import read_forces, shares_of, with_forces
 from mrwork.motions.ground_motion import (
     baseline_corrected,
     check_samples,
     copies_among,
     examined,
+    force_motion,
     is_copy,
     likeness,
     refuse_floors,
@@ -154,7 +155,38 @@ def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOf
 def _grounds(
     table: MotionTable, folder: Path, seed: int, floors: Sequence[str]
 ) -> Iterator[tuple[GroundMotion, Path | None]]:
+    """The motions of a table with their forces, each with its file."""
+    forced = path = None
+    if table.force is not None:
+        path = folder / table.force
+        with keyed("floor" if table.shape is None else "shape"):
+            shares = shares_of(floors, table.floor, table.shape)
+        with keyed("force"):
+            # Beside a ground, unit and step are of the ground.
+            stated = named(table, "unit", "dt") if table.ground is None else {"unit": None, "dt": None}
+            forced = read_forces(path, floors, shares=shares, **stated)
+    elif table.forces is not None and table.ground is None:
+        with keyed("forces"):
+            size = factor_to_si(table.unit or "N", "force", context="unit")
+            forces, step = size * np.array(table.forces), table.dt or _SYNTHETIC_STEP
+            forced = force_motion(forces, step, name=table.name or "forces")
+    if table.ground is None and forced is not None:
+        yield replace(forced, name=table.name or forced.name), path and path.resolve()
+        return
+    for ground, file in _unforced(table, folder, seed):
+        with keyed("forces" if forced is None else "force"):
+            if forced is not None:
+                yield with_forces(ground, forced), file
+            elif table.forces is not None:
+                yield replace(ground, forces=np.array(table.forces)), file
+            else:
+                yield ground, file
+
+
+def _unforced(table: MotionTable, folder: Path, seed: int) -> Iterator[tuple[GroundMotion, Path | None]]:
+    """The motions of the ground, each with its file."""
     file, seed, step = table.file, seed + table.seed, table.dt or _SYNTHETIC_STEP
+    of_seed = f", seed {table.seed}" if table.seed else ""
     if isinstance(file, str):
         stated = Stated(**named(table, "unit", "dt", "column", "channel"))
         with keyed("file"):
@@ -163,13 +195,6 @@ def _grounds(
                 motion = motion_of_file(path, stated)
                 name = table.name if len(paths) == 1 else f"{table.name}, {motion.name}"
                 yield replace(motion, name=name) if table.name else motion, path.resolve()
-    elif table.force is not None:
-        path = folder / table.force
-        with keyed("floor" if table.shape is None else "shape"):
-            shares = shares_of(floors, table.floor, table.shape)
-        with keyed("force"):
-            motion = read_forces(path, floors, shares=shares, **named(table, "unit", "dt"))
-        yield replace(motion, name=table.name or motion.name), path.resolve()
     elif table.road is not None:
         with keyed("road"):
             path = folder / table.road
@@ -182,21 +207,19 @@ def _grounds(
             for motion in suite(**table.suite.of(suite), rng=seed, dt=step, name=table.name):
                 yield motion, None
     elif table.road_class is not None and table.speed is not None:
-        settings = named(table, "speed", "name") | {"duration": table.duration or _SYNTHETIC_DURATION}
-        yield iso_8608_road(table.road_class, **settings, rng=seed, dt=table.dt or _ROAD_STEP), None
+        duration = table.duration or _SYNTHETIC_DURATION
+        road = iso_8608_road(
+            table.road_class, speed=table.speed, rng=seed, duration=duration, dt=table.dt or _ROAD_STEP
+        )
+        yield replace(road, name=table.name or road.name + of_seed), None
     elif table.synthetic is not None:
         duration = table.duration or _SYNTHETIC_DURATION
-        name = table.name or table.synthetic.replace("_", "-").title()
+        name = table.name or table.synthetic.replace("_", "-").title() + of_seed
         yield synthetic_motion(_spectrum(table), rng=seed, duration=duration, dt=step, name=name), None
-    elif table.forces is None:
+    else:
         size = factor_to_si(table.unit or "m/s2", "acceleration", context="unit")
         samples = size * np.array(table.acceleration)
         yield GroundMotion(name=table.name or "motion", dt=step, acceleration=samples), None
-    else:
-        with keyed("forces"):
-            forces = factor_to_si(table.unit or "N", "force", context="unit") * np.array(table.forces)
-            still = np.zeros(forces.shape[-1]) if table.acceleration is None else np.array(table.acceleration)
-            yield GroundMotion(name=table.name or "forces", dt=step, acceleration=still, forces=forces), None
 
 
 def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:

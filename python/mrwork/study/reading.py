@@ -295,6 +295,7 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         study.check_readings()
     named_in: tuple[tuple[KeyPath, Iterable[str]], ...] = (
         (("report", "criteria"), table.report.criteria),
+        (("report", "score"), table.report.score),
         (("report", "limit"), limit),
         *((("tune", number), tune.judged_by) for number, tune in enumerate(inputs.tunes)),
     )

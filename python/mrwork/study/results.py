@@ -21,7 +21,15 @@ from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.device import Device
-from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, Scales, Spread, criteria, criterion, searched
+from mrwork.closed_loop.evaluation import (
+    SCORE,
+    STANDARD_GRAVITY,
+    Scales,
+    Spread,
+    criteria,
+    criterion,
+    searched,
+)
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange, Outside
@@ -269,7 +277,8 @@ class StudyResults(Plotted, Summarised):
     `quantities` are given over row, motion and realisation: the nominal one and, if it is checked, half the step;
     `criteria_of_runs` has the criteria, also of the realisations of what is uncertain. The first rows are the building
     without dampers and i = 0. `demanded` are the demands on each device by (row, motion), of runs with dampers that
-    finished. `limit` is the criterion with its limit of which the page has the fragility, `choices` are sentences on
+    finished. `limit` is the criterion with its limit of which the page has the fragility, `scored` the criteria
+    of the score, `choices` are sentences on
     constant commands that were chosen. `study_remarks` come from the study, `damper_remarks` are on demand outside the
     tested ranges, on laws out of their range, on the size of dampers, and on storeys. `ensemble` is the study with each
     set of laws that predicts nearly as well, `None` if run without ``--ensemble``.
@@ -287,6 +296,7 @@ class StudyResults(Plotted, Summarised):
     dampers: tuple[DamperFacts, ...] = ()
     demanded: Mapping[tuple[int, int], tuple[DeviceDemand, ...]] = field(default_factory=dict)
     limit: Mapping[str, float] = field(default_factory=dict)
+    scored: tuple[str, ...] = SCORE
     choices: tuple[str, ...] = ()
     study_remarks: tuple[Remark, ...] = ()
     damper_remarks: tuple[Remark, ...] = ()
@@ -302,7 +312,7 @@ class StudyResults(Plotted, Summarised):
         drawn, bare = study.table.report.controllers, study.building
         shown = tuple(number for number, row in enumerate(rows) if not drawn or row.label in drawn)
         return StudyResults(
-            **named(study, "title", "limit", "command_unit"),
+            **named(study, "title", "limit", "command_unit", "scored"),
             rows=tuple(rows),
             motions=JudgedMotions(
                 motions=tuple(map(MotionFacts.of, study.motions)),
@@ -485,7 +495,7 @@ class StudyResults(Plotted, Summarised):
         reference, nominal = self.at_zero, self._nominal
         if reference is None:
             return np.full(len(self.motions), math.nan)
-        return np.asarray(nominal.of_row(row).scores(nominal.of_row(reference))[0, :, 0])
+        return np.asarray(nominal.of_row(row).scores(nominal.of_row(reference), self.scored)[0, :, 0])
 
     @arguments.checked
     def score(self, row: int, motions: Sequence[int] | None = None) -> Spread:
@@ -614,7 +624,7 @@ def bands_over(results: StudyResults, row: int, reference: int | None) -> dict[s
     if not both.done.all():
         return {}
     runs, other = both.of_row(0), both.of_row(1)
-    ratios = {**runs.over(other), "score": runs.scores(other)}
+    ratios = {**runs.over(other), "score": runs.scores(other, results.scored)}
     bands = {name: _band(ratio[0].mean(axis=0), both.finished) for name, ratio in ratios.items()}
     return {name: band for name, band in bands.items() if band is not None}
 

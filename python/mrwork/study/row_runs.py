@@ -70,7 +70,7 @@ class RowRuns:
         if responses.histories is not None:
             histories = dict(zip(motions, responses.histories, strict=True))
             for motion in self._stored(motions, runs):
-                self.keep(motion, history_of(histories[motion], case.arrangement))
+                self.keep(motion, history_of(histories[motion], case.arrangement, case.motions[motion]))
         return runs
 
     def _batches(self) -> Iterator[tuple[list[int], bool]]:

@@ -92,6 +92,7 @@ def run_study(
                 threads=threads,
                 on_block=course.advance,
                 asked=study.asked,
+                scored=study.scored,
             )
             if step.what == "constant commands":
                 rows[step.row], choice = chosen(replace(case, motions=study.chosen_on), call, shares)

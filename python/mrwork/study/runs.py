@@ -26,7 +26,6 @@ from mrwork.closed_loop.evaluation import (
     criterion,
     on_request,
     ratio,
-    score,
     values,
 )
 from mrwork.closed_loop.frequency_weighting import frequency_weighted
@@ -245,9 +244,13 @@ class Runs(Labelled, WithAxes, Summarised):
             for name, other in named.items()
         }
 
-    def scores(self, at_zero: Runs) -> Floats:
-        """Score of each run against the dampers at i = 0, under the same motion and realisation."""
-        return score({name: ratio(self.numbers[name], at_zero.numbers[name]) for name in SCORE})
+    def scores(self, at_zero: Runs, scored: Sequence[str] = SCORE) -> Floats:
+        """Score of each run: mean over the `scored` criteria of their ratios to those of the dampers at i = 0.
+
+        The latter are under the same motion and realisation.
+        """
+        ratios = [ratio(self.numbers[name], at_zero.numbers[name]) for name in scored]
+        return np.asarray(np.mean(ratios, axis=0))
 
     def recalled(
         self, journal: Journal | None, step: str, inputs: str, simulate: Callable[[Runs], Runs]

@@ -32,7 +32,7 @@ from mrwork.base.places import KeyPath, all_mistakes
 from mrwork.base.summary import list_names
 from mrwork.base.units import RATIOS, DriverUnit, number_in
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.closed_loop.evaluation import criterion
+from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
@@ -516,9 +516,13 @@ def target_spectrum(table: Arguments) -> TargetSpectrum:
     return spectrum
 
 
+GROUNDS = ("file", "acceleration", "synthetic", "suite", "road")
+"""Keys of which one says how the ground moves."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionTable(Stated):
-    """Ground motions from files, synthetic or a suite, or forces on floors; each factor, peak or Sa gives a motion.
+    """Ground motions from files, synthetic or a suite, forces on floors, or both; each factor or level is a motion.
 
     A road is the ground under the tyre of a vehicle: its heights, or a class of ISO 8608, at a speed. Training and test
     motions must be different records: files and accelerations are compared.
@@ -533,12 +537,12 @@ class MotionTable(Stated):
         "samples instead of a file, every dt, in m/s2 or the unit"
     )
     force: str | None = optional(
-        "forces on floors instead of a record, a table relative to the study file: a column for each floor by its "
-        "name, or one column with floor or shape",
+        "forces on floors, alone or beside the ground, a table relative to the study file: a column for each floor by "
+        "its name, or one column with floor or shape",
         file=True,
     )
     forces: tuple[tuple[float, ...], ...] | None = optional(
-        "samples of the force on each floor instead of a file, every dt, in N or the unit; beside acceleration both act"
+        "samples of the force on each floor, every dt in N or the unit; beside the ground in N, as many as it has"
     )
     floor: int | str | None = optional("floor of the one column of a force, by its name or number from 1")
     shape: tuple[float, ...] | None = optional("share of each floor in the one column of a force")
@@ -611,13 +615,17 @@ class MotionTable(Stated):
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
-        samples = self.acceleration if self.forces is None else self.forces
-        ways = (self.file, samples, self.synthetic, self.suite, self.force, self.road)
-        if sum(way is not None for way in ways) != 1:
+        grounds = [name for name in GROUNDS if getattr(self, name) is not None]
+        forces = [name for name in ("force", "forces") if getattr(self, name) is not None]
+        if not (grounds or forces):
             yield (
                 (),
-                "[[motion]] needs either a file, samples, a synthetic motion, a suite, a force or a road",
+                "[[motion]] needs a file, samples, a synthetic motion, a suite, a road or forces; forces may act "
+                "beside one of the others",
             )
+        for ways in (grounds, forces):
+            if len(ways) > 1:
+                yield ways[1], f"[[motion]] has {' and '.join(ways)}; keep one, or give each a [[motion]]"
         keys = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
         if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
@@ -626,16 +634,11 @@ class MotionTable(Stated):
             yield from (
                 (name, f"{name} {reason}") for name in names.split() if unread and name in given_in(self)
             )
-        of_file, given, of_samples = (
-            each is not None for each in (self.force, self.forces, self.acceleration)
-        )
-        if of_file and self.floor is not None and self.shape is not None:
+        if self.force is not None and self.floor is not None and self.shape is not None:
             yield "shape", "floor and shape both say where the one column of a force acts; keep one"
-        if (given or of_samples) and self.dt is None:
+        of_samples = self.acceleration is not None
+        if (of_samples or (self.forces is not None and self.ground is None)) and self.dt is None:
             yield (), f"[[motion]] has no dt of its {'samples' if of_samples else 'forces'}; give it [s]"
-        if given and of_samples and self.unit is not None:
-            sentence = "unit may be of acceleration or of forces; leave it out, and give them in m/s2 and N"
-            yield "unit", sentence
         wanted = {"road_class": self.road_class, "speed": self.speed} if self.is_drawn_road else {}
         if lacking := " and no ".join(name for name, value in wanted.items() if value is None):
             yield (), f'iso_8608 has no {lacking}; give both, as road_class = "C", speed = "72 km/h"'
@@ -648,15 +651,13 @@ class MotionTable(Stated):
         yield (
             self.is_forced,
             "pga sa scale_to baseline",
-            (
-                "is of ground accelerations, and this motion has forces on floors; leave it out, or scale by factor"
-            ),
+            "is of ground accelerations, and this motion has forces on floors; leave it out, or scale by factor",
         )
         yield not of_force, "floor shape", "is of the one column of a force; give that force, or leave it out"
         yield (
-            of_force or self.forces is not None,
+            (of_force or self.forces is not None) and self.ground is None,
             "column channel",
-            (f"is of records, and columns of forces are named by their floors{leave}"),
+            f"is of records, and columns of forces are named by their floors{leave}",
         )
         yield not drawn, "road_class", 'is of a synthetic road; leave it out, or give synthetic = "iso_8608"'
         yield not (drawn or self.road), "speed", f"is of roads, and this motion is none{leave}"
@@ -665,9 +666,7 @@ class MotionTable(Stated):
         yield (
             is_road,
             "pga sa scale_to",
-            (
-                "is a level of earthquakes, and a road has none; leave it out, or give factor, which scales heights"
-            ),
+            "is a level of earthquakes, and a road has none; leave it out, or give factor, which scales heights",
         )
         yield is_road, "baseline", f"is of records, and heights of a road have no drift of a baseline{leave}"
         yield is_road, "start", "would tilt the road, whose part begins level; cut the profile itself"
@@ -683,7 +682,7 @@ class MotionTable(Stated):
         yield (
             self.acceleration is not None,
             "column channel",
-            (f"is for files, and this motion is given by its samples{leave}"),
+            f"is for files, and this motion is given by its samples{leave}",
         )
         yield is_value, "unit dt column channel", f"is for files, and this motion is a GroundMotion{leave}"
 
@@ -691,6 +690,11 @@ class MotionTable(Stated):
     def is_drawn_road(self) -> bool:
         """Whether it is a random road."""
         return self.synthetic == "iso_8608"
+
+    @property
+    def ground(self) -> str | None:
+        """The key that has the motion of the ground, `None` where forces act alone."""
+        return next((name for name in GROUNDS if getattr(self, name) is not None), None)
 
     @property
     def is_forced(self) -> bool:
@@ -737,6 +741,12 @@ class ReportTable(Stated):
         "weighted_acceleration, which is weighted by W_k of ISO 2631-1 and takes histories",
         default=(),
     )
+    score: tuple[str, ...] = key(
+        "criteria of the score, the mean of their ratios to i = 0, by which the best constant command is chosen, "
+        "arrangements are ranked and, unless it has criteria, [[tune]] searches; by default peak and RMS drift and "
+        'acceleration, for a car as ["weighted_acceleration@body", "rms_drift@tyre"]',
+        default=SCORE,
+    )
     histories: Literal["detailed", "all", "none"] = key(
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )
@@ -747,6 +757,11 @@ class ReportTable(Stated):
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         yield from _unknown_criteria("criteria", self.criteria)
+        unknown = [*_unknown_criteria("score", self.score)]
+        yield from unknown
+        for name in () if unknown else self.score:
+            if criterion(name).of_command:
+                yield "score", f"{name} is zero at i = 0, over which the score is; leave it out"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.building_remarks import coordinate_remarks
 from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, joined_units, sends_forces
+from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import UserLaw
@@ -261,6 +262,11 @@ _FORECAST: Final = RemarkKind(
     "{0} predicts the motion without the forces of motion {1}",
     "let measured accelerations stand for them, by shear_offsets = true of the law",
 )
+_WORST_PLACE: Final = RemarkKind(
+    "score_of_worst_place",
+    "{0} is a road, and the score, by which the best constant command is chosen, is of the worst place, mostly a wheel",
+    'state what counts in [report], as score = ["rms_acceleration@{1}", "rms_drift@{2}"]',
+)
 _SAME_BUILDING: Final = RemarkKind(
     "baseline_same",
     "{0} is the building itself",
@@ -316,6 +322,11 @@ class Study(Summarised):
         return self.table.title or self.building.name
 
     @property
+    def scored(self) -> tuple[str, ...]:
+        """Names of the criteria of the score."""
+        return self.table.report.score
+
+    @property
     def command_unit(self) -> str:
         """Unit of the commands, A without dampers, "A and V" where some follow a current and others a voltage."""
         return joined_units(device.command_unit for device in commanded(self.devices)) or "A"
@@ -361,7 +372,7 @@ class Study(Summarised):
             for label, law in self.laws
             for remark in law.remarks
         )
-        of_all = (*self.unusual, *self._remarks_of_forces(), *of_laws)
+        of_all = (*self.unusual, *self._remarks_of_forces(), *self._remarks_of_roads(), *of_laws)
         return (*of_motions, *next(filter(None, of_each), ()), *asked, *same, *of_all)
 
     def _remarks_of_forces(self) -> Iterator[Remark]:
@@ -374,6 +385,12 @@ class Study(Summarised):
         for label, law in self.laws:
             if law.spec.needs_model and not np.ravel(law.tables["shears"])[0] > 0.0:
                 yield _FORECAST.remark(label, forced)
+
+    def _remarks_of_roads(self) -> Iterator[Remark]:
+        road = next((ground.name for ground in self.grounds if ground.is_road), None)
+        floors = self.building.frame_floors
+        if road is not None and len(floors) > 1 and self.devices and self.scored == SCORE:
+            yield _WORST_PLACE.remark(road, floors[-1], self.building.drift_names[0])
 
     @property
     def at_zero(self) -> Arrangement:
@@ -576,6 +593,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
         "realisations": None if study.realisations is None else study.realisations.digest,
         "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
         **({"asked": study.asked} if study.asked else {}),
+        **({"scored": study.scored} if study.scored != SCORE else {}),
     }
 
 

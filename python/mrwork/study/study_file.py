@@ -25,7 +25,7 @@ from mrwork.store.input_file import exists
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.store.user_python import function_text
-from mrwork.study.schema import StudyTable
+from mrwork.study.schema import GROUNDS, StudyTable
 
 _OTHERWISE = "replace it by `replace=True`"
 _IN_A_FILE = (
@@ -85,27 +85,19 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
             group = given.pop("group", [])
             groups = [*(group if isinstance(group, list) else [group]), *motion.groups]
             given |= {"group": groups} if groups else {}
-            if motion.is_road and motion.forces.size:
-                raise SettingError(
-                    f"{' '.join(keys)}, {motion.name}, is a road with forces on floors, which no table holds; make "
-                    "them two motions, or keep the study in Python"
-                )
-            if motion.is_road:
-                file = put(f"{name}.txt", {"": _samples(motion.acceleration.tolist(), "road_acceleration\n")})
-                return {"file": file, "unit": "m/s2", "name": motion.name, "dt": motion.dt, **given}
-            given |= {"dt": motion.dt}
-            if motion.peak or not motion.forces.size:
-                given |= {"acceleration": motion.acceleration.tolist()}
+            if motion.forces.size and not motion.peak:
+                forced = {"name": motion.name, "dt": motion.dt, "forces": motion.forces.tolist(), **given}
+                return _written(forced, keys, put)
+            heading = "road_acceleration\n" if motion.is_road else ""
+            file = put(f"{name}.txt", {"": _samples(motion.acceleration.tolist(), heading)})
             given |= {"forces": motion.forces.tolist()} if motion.forces.size else {}
-            return _written({"name": motion.name, **given}, keys, put)
-        case {"acceleration": _, "forces": _} if keys[0] == "motion":
-            return value
-        case {"forces": rows, **given} if keys[0] == "motion":
-            file = put(f"{name}.csv", {"": _text_of(zip(*rows, strict=True))})
-            return {"force": file, "unit": "N", "name": "forces", **given}
+            return {"file": file, "unit": "m/s2", "name": motion.name, "dt": motion.dt, **given}
         case {"acceleration": samples, **given} if keys[0] == "motion":
             file = put(f"{name}.txt", {"": _samples(samples)})
             return {"file": file, "unit": "m/s2", "name": "motion", **given}
+        case {"forces": rows, **given} if keys[0] == "motion" and not {*GROUNDS} & {*given}:
+            file = put(f"{name}.csv", {"": _text_of(zip(*rows, strict=True))})
+            return {"force": file, "unit": "N", "name": "forces", **given}
         case {"file": function, **given} if callable(function):
             text = function_text(function, what="the law", remedy=_IN_A_FILE)
             return {"file": put(f"{name}.py", {"": text.encode()}), **given}

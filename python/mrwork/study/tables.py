@@ -16,7 +16,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.summary import Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import SCORE, criterion, on_request
+from mrwork.closed_loop.evaluation import criterion, on_request, scored_in_words
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.study.comparison import (
     BOTH,
@@ -153,9 +153,9 @@ def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
     bands = [bands_over(results, row, results.at_zero) for row in rows]
     return Table(
         label=f"Over {results.n_realisations} realisations: median, 90 % band of the score and of ratios over i = 0",
-        columns=("", "Score", *(criterion(name).short for name in SCORE)),
+        columns=("", "Score", *(criterion(name).short for name in results.scored)),
         rows=tuple(
-            (results.rows[row].label, *(_band(by_name.get(name)) for name in ("score", *SCORE)))
+            (results.rows[row].label, *(_band(by_name.get(name)) for name in ("score", *results.scored)))
             for row, by_name in zip(rows, bands, strict=True)
         ),
         note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {results.n_realisations} realisations "
@@ -195,7 +195,7 @@ def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
 
     over = "i = 0" if results.row_of("passive_off") is not None else "no actuators"
     table = Table(
-        label=f"Score (peak and RMS drift and acceleration over {over}), mean over {results.motions.in_words}",
+        label=f"Score ({scored_in_words(results.scored)} over {over}), mean over {results.motions.in_words}",
         columns=("", "Score"),
         rows=tuple((results.rows[row].label, format_fixed(results.score(row).mean, 3)) for row in rows),
         headings=rank_headings(comparison, rows),

@@ -138,7 +138,7 @@ def scan(case: LoopCase) -> tuple[BestConstant, Runs]:
     """The best share of the largest commands, and the criteria under it; a command has no score if a run failed."""
     commands = _levels(case)
     runs = case.under(constant_commands(commands)).criteria()
-    scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
+    scores = runs.scores(runs.of_row(0), case.scored).mean(axis=(1, 2))
     best = int(np.argmin(searched(scores)))
     return BestConstant(
         commands=tuple(commands[best].tolist()),
@@ -184,7 +184,7 @@ def _best_by_group(case: LoopCase, start: BestConstant) -> BestConstant:
         tried = np.tile(commands, (LEVELS, 1))
         tried[:, group] = levels[:, group]
         runs = case.under(constant_commands(tried)).criteria()
-        scores = searched(runs.scores(off).mean(axis=(1, 2)))
+        scores = searched(runs.scores(off, case.scored).mean(axis=(1, 2)))
         best = int(np.argmin(scores))
         if scores[best] < score:
             commands, score, changed = tried[best], float(scores[best]), steps
@@ -393,7 +393,7 @@ class _Lacking:
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
             runs = self.case.under(named.shaped(designed.law), problem.all_devices).criteria()
-            of_runs = runs.scores(off).mean(axis=(1, 2))
+            of_runs = runs.scores(off, self.case.scored).mean(axis=(1, 2))
             if active:
                 within = (runs.peak_force <= on.peak_force)[:, :, 0].all(axis=1)
                 of_runs = np.where(within, of_runs, math.nan)

@@ -18,7 +18,7 @@ from mrwork.base.numbers import round_to
 from mrwork.base.places import keyed
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
-from mrwork.closed_loop.evaluation import SCORE, searched
+from mrwork.closed_loop.evaluation import searched
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
@@ -185,7 +185,7 @@ def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
             kind=kind,
             settings=settings,
             origin=origin,
-            objective=TuningObjective(weights=dict.fromkeys(SCORE, 1.0)),
+            objective=TuningObjective(weights=dict.fromkeys(study.scored, 1.0)),
             least=float(scores[level]),
             candidates=count,
             seconds=time.perf_counter() - began,

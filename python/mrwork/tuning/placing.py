@@ -111,7 +111,7 @@ def compare_places(
         case = replace(bare, arrangement=there)
         commands = scan(replace(case, motions=study.chosen_on))[0].commands
         runs = case.under(constant_commands(commands)).criteria()
-        train, test = np.split(runs.scores(of_bare)[0, :, 0], [len(study.chosen_on)])
+        train, test = np.split(runs.scores(of_bare, study.scored)[0, :, 0], [len(study.chosen_on)])
         return Placement(
             storeys=dict(placed),
             command=commands[0],

@@ -299,7 +299,7 @@ def objective_for(table: TuneTable, study: Study) -> TuningObjective:
     if table.gradient_steps and (lacking := without_gradient(study, table)):
         raise InvalidSettingError("gradient_steps", f"{lacking}, or leave gradient_steps out")
     scales = Scales.of(study.building)
-    objective = objective_of(table, study.command_unit, scales)
+    objective = objective_of(table, study.command_unit, scales, study.scored)
     for key in ("criteria", "objectives"):
         for name in getattr(table, key) or ():
             if lacking := scales.lacking(criterion(name).scale):

@@ -130,9 +130,14 @@ class TuningObjective(Summarised):
         return "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
 
 
-def objective_of(table: TuneTable, command_unit: str, scales: Scales) -> TuningObjective:
-    """The objective of a table [[tune]], its limits in SI; a limit that needs scales the building lacks is refused."""
-    criteria = table.criteria or SCORE
+def objective_of(
+    table: TuneTable, command_unit: str, scales: Scales, scored: Sequence[str] = SCORE
+) -> TuningObjective:
+    """The objective of a table [[tune]], by default of the `scored` criteria, its limits in SI.
+
+    A limit that needs scales the building lacks is refused.
+    """
+    criteria = table.criteria or scored
     weights = dict(criteria) if isinstance(criteria, Mapping) else dict.fromkeys(criteria, 1.0)
     limits: dict[str, float] = {}
     for name, value in (table.constraints or {}).items():

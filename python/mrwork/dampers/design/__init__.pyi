@@ -2,8 +2,7 @@ from .damper_design import DamperDesign as DamperDesign
 from .damper_design import MagneticCircuit as MagneticCircuit
 from .damper_design import twenty_ton_damper as twenty_ton_damper
 from .flow import Slot as Slot
-from .flow import annular_pressure as annular_pressure
-from .flow import plate_pressure as plate_pressure
+from .flow import pressure_drop as pressure_drop
 from .materials import MRFluid as MRFluid
 from .materials import Steel as Steel
 from .materials import fluid as fluid

@@ -21,7 +21,7 @@ from mrwork.base.numbers import of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.dampers.design.flow import PRESSURES, FlowModel, Length, Slot, broadcast, roots_between
+from mrwork.dampers.design.flow import FlowModel, Length, Slot, broadcast, pressure_drop, roots_between
 from mrwork.dampers.design.materials import Fields, MRFluid, Steel, steel
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec, damper
@@ -399,14 +399,15 @@ class DamperDesign(Summarised):
         velocity, current
             [m/s] and [A], of shapes that broadcast.
         flow_model
-            How the pressure drop is computed: a name of `PRESSURES`.
+            How the pressure drop is computed, see `pressure_drop`.
         """
         broadcast(velocity=velocity, current=current)
         velocity = np.asarray(velocity, dtype=np.float64)
-        speed, pressure = np.abs(velocity), PRESSURES[flow_model]
+        speed = np.abs(velocity)
         drop = sum(
-            pressure(
+            pressure_drop(
                 slot,
+                flow_model,
                 flow=self.piston_area * speed,
                 yield_stress=yield_stress,
                 viscosity=self.fluid.viscosity,

@@ -1,14 +1,14 @@
 """Flow of a yield-stress fluid through the slot between piston and cylinder: exactly, and by the usual approximations.
 
 The shear stress of the fluid is `tau_y + K (du/dy)^n`, Bingham for n = 1 and Herschel-Bulkley otherwise. The inner
-wall, the piston, may move against the flow. The functions of `PRESSURES` have one signature.
+wall, the piston, may move against the flow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,8 +60,9 @@ class Slot(Summarised):
 
 
 @checked
-def annular_pressure(
+def pressure_drop(
     slot: Slot,
+    flow_model: FlowModel = "annulus",
     *,
     flow: Flows,
     yield_stress: Stresses,
@@ -69,16 +70,25 @@ def annular_pressure(
     flow_index: FlowIndex = 1.0,
     wall_speed: WallSpeeds = 0.0,
 ) -> Floats:
-    """Pressure drop in an annulus, exactly.
+    """Pressure drop of a fluid that flows through a slot, exactly in the annulus by default.
 
-    The shear stress is `(g/2) (a^2/r - r)` with the pressure gradient g and the radius a of zero stress, which follow
-    from the speed of the inner wall and from the flow (Fredrickson & Bird, Ind. Eng. Chem. 50(3), 1958, 347-352, for
-    walls at rest). The integrals of the velocity are Gaussian, on either side of the plug.
+    - ``annulus``: the shear stress is `(g/2) (a^2/r - r)` with the pressure gradient g and the radius a of zero stress,
+      which follow from the speed of the inner wall and from the flow (Fredrickson & Bird, Ind. Eng. Chem. 50(3), 1958,
+      347-352, for walls at rest). The integrals of the velocity are Gaussian, on either side of the plug.
+    - ``plates``: parallel plates as wide as the mean circumference, exactly. With walls at rest and n = 1 it is the
+      root of the cubic of Phillips (Engineering Applications of Fluids with a Variable Yield Stress, thesis, Berkeley,
+      1969), with a moving wall of his quintic.
+    - ``sum``: a viscous and a yield part, the usual approximation: `12 eta L (Q + w h v/2)/(w h^3) + c tau_y L/h`, for
+      n other than 1 with the viscosity at the wall of a fluid without yield stress. The factor c is of Phillips' cubic,
+      linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w h^2 tau_y/(12 Q eta)` (Yang, Spencer, Carlson, Sain, Eng. Struct.
+      24(3), 2002, 309-323).
 
     Parameters
     ----------
     slot
         The slot.
+    flow_model
+        How the pressure drop is computed.
     flow
         Volume per second through the slot, relative to the outer wall [m^3/s]. At 0 the fluid is about to flow.
     yield_stress
@@ -94,10 +104,53 @@ def annular_pressure(
         [Pa], of the shape to which `flow`, `yield_stress` and `wall_speed` broadcast.
     """
     flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
-    inner, outer = slot.inner_radius, slot.inner_radius + slot.gap
+    # The flow fills what the wall displaces, too.
+    mean = (flow / slot.width + speed * slot.gap / 2.0) / slot.gap
+    rate = 6.0 * mean / slot.gap * (2.0 * flow_index + 1.0) / (3.0 * flow_index)
+    viscous = 2.0 / slot.gap * (viscosity * rate**flow_index)
+    return slot.length * _GRADIENTS[flow_model](
+        _Passage(slot, flow, tau, speed, viscosity, flow_index, viscous)
+    )
+
+
+class _Passage(NamedTuple):
+    """A flow that passes a slot, and its pressure gradient between plates without yield stress [Pa/m]."""
+
+    slot: Slot
+    flow: Floats
+    tau: Floats
+    wall_speed: Floats
+    viscosity: float
+    flow_index: float
+    viscous: Floats
+
+    def shear_rate(self, excess: Floats) -> Floats:
+        """Shear rate [1/s] where the stress exceeds the yield stress by `excess` [Pa], and 0 elsewhere."""
+        rate = np.maximum(excess, 0.0) / self.viscosity
+        return rate if self.flow_index == 1.0 else rate ** (1.0 / self.flow_index)
+
+    def gradient(self, compute_flow: Callable[[Floats], Floats]) -> Floats:
+        """Pressure gradient [Pa/m] at which a profile moves the flow; `compute_flow` maps gradients to flows."""
+        at_rest, flowing = 2.0 * self.tau / self.slot.gap, self.viscous > 0.0
+        low = np.where(flowing, at_rest + 0.1 * self.viscous, 1.0)
+        high = np.where(flowing, 1.5 * at_rest + 1.5 * self.viscous, 2.0)
+
+        def excess(gradient: Floats) -> Floats:
+            return compute_flow(gradient) - self.flow
+
+        for _ in range(_DOUBLINGS):
+            short = flowing & (excess(high) < 0.0)
+            if not short.any():
+                break
+            high = np.where(short, 2.0 * high, high)
+        return np.where(flowing, roots_between(excess, low, high), at_rest)
+
+
+def _annular_gradient(given: _Passage) -> Floats:
+    inner, outer = given.slot.inner_radius, given.slot.inner_radius + given.slot.gap
 
     def profile(gradient: Floats, neutral: Floats) -> tuple[Floats, Floats]:
-        delta = tau / gradient
+        delta = given.tau / gradient
         root = np.sqrt(delta**2 + neutral**2)
         moving, moved = np.zeros_like(gradient), np.zeros_like(gradient)
         for sign, wall, edge in ((1.0, inner, root - delta), (-1.0, outer, root + delta)):
@@ -106,47 +159,28 @@ def annular_pressure(
             radius = edge[..., None] + (wall - edge)[..., None] * _NODES**2
             weights = 2.0 * np.abs(wall - edge)[..., None] * _NODES * _WEIGHTS
             stress = 0.5 * gradient[..., None] * (neutral[..., None] ** 2 / radius - radius)
-            rate = sign * _shear_rate(sign * stress - tau[..., None], viscosity, flow_index)
+            rate = sign * given.shear_rate(sign * stress - given.tau[..., None])
             moving += np.sum(weights * rate, axis=-1)
             moved -= np.pi * np.sum(weights * rate * (radius**2 - inner**2), axis=-1)
         return moving, moved
 
     def compute_flow(gradient: Floats) -> Floats:
-        def excess(neutral: Floats) -> Floats:
-            return profile(gradient, neutral)[0] - speed
-
         ends = np.full_like(gradient, inner), np.full_like(gradient, outer)
-        return profile(gradient, roots_between(excess, *ends))[1]
+        neutral = roots_between(lambda neutral: profile(gradient, neutral)[0] - given.wall_speed, *ends)
+        return profile(gradient, neutral)[1]
 
-    viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
-    return slot.length * _gradient(compute_flow, slot, flow, tau, viscous)
+    return given.gradient(compute_flow)
 
 
-@checked
-def plate_pressure(
-    slot: Slot,
-    *,
-    flow: Flows,
-    yield_stress: Stresses,
-    viscosity: Viscosity,
-    flow_index: FlowIndex = 1.0,
-    wall_speed: WallSpeeds = 0.0,
-) -> Floats:
-    """Pressure drop between parallel plates as wide as the mean circumference of the slot, exactly.
-
-    With walls at rest and n = 1 it is the root of the cubic of Phillips (Engineering Applications of Fluids with a
-    Variable Yield Stress, thesis, Berkeley, 1969), with a moving wall of his quintic. Arguments and result as
-    in `annular_pressure`.
-    """
-    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
-    gap, power = slot.gap, 1.0 + 1.0 / flow_index
+def _plate_gradient(given: _Passage) -> Floats:
+    gap, speed, power = given.slot.gap, given.wall_speed, 1.0 + 1.0 / given.flow_index
 
     def compute_flow(gradient: Floats) -> Floats:
         # The sheared layers at the inner and the outer wall, `free` thick together.
-        free = np.maximum(gap - 2.0 * tau / gradient, 1e-12 * gap)
-        rate = _shear_rate(gradient, viscosity, flow_index)
+        free = np.maximum(gap - 2.0 * given.tau / gradient, 1e-12 * gap)
+        rate = given.shear_rate(gradient)
         scale = power / rate
-        if flow_index == 1.0:
+        if given.flow_index == 1.0:
             difference = speed * scale / free
         elif not speed.any():
             difference = np.zeros_like(free)
@@ -160,72 +194,23 @@ def plate_pressure(
         layers = gap * outer**power / power - (inner ** (power + 1) + outer ** (power + 1)) / (
             power * (power + 1)
         )
-        return slot.width * rate * layers
+        return given.slot.width * rate * layers
 
-    viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
-    return slot.length * _gradient(compute_flow, slot, flow, tau, viscous)
+    return given.gradient(compute_flow)
 
 
-def summed_pressure(
-    slot: Slot,
-    *,
-    flow: Flows,
-    yield_stress: Stresses,
-    viscosity: Viscosity,
-    flow_index: FlowIndex = 1.0,
-    wall_speed: WallSpeeds = 0.0,
-) -> Floats:
-    """Pressure drop as the sum of a viscous and a yield part, the usual approximation; arguments of `annular_pressure`.
-
-    `12 eta L (Q + w h v/2)/(w h^3) + c tau_y L/h`, for n other than 1 with the viscosity at the wall of a fluid without
-    yield stress. The factor c is of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w h^2 tau_y/(12 Q eta)`
-    (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
-    """
-    flow, tau, speed = broadcast(flow=flow, yield_stress=yield_stress, wall_speed=wall_speed)
-    viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
-    ratio = np.divide(tau, slot.gap * viscous, out=np.full(tau.shape, np.inf), where=viscous > 0.0)
+def _summed_gradient(given: _Passage) -> Floats:
+    gap, tau, viscous = given.slot.gap, given.tau, given.viscous
+    ratio = np.divide(tau, gap * viscous, out=np.full(tau.shape, np.inf), where=viscous > 0.0)
     c: Floats = 2.07 + 1.0 / (1.0 + 0.4 * ratio)
-    return slot.length * (viscous + c * tau / slot.gap)
+    return viscous + c * tau / gap
 
 
-PRESSURES: Final[Mapping[FlowModel, Callable[..., Floats]]] = {
-    "annulus": annular_pressure,
-    "plates": plate_pressure,
-    "sum": summed_pressure,
+_GRADIENTS: Final[Mapping[FlowModel, Callable[[_Passage], Floats]]] = {
+    "annulus": _annular_gradient,
+    "plates": _plate_gradient,
+    "sum": _summed_gradient,
 }
-"""Pressure drops by the name of the flow model."""
-
-
-def _shear_rate(excess: Floats, viscosity: float, flow_index: float) -> Floats:
-    """Shear rate [1/s] where the stress exceeds the yield stress by `excess` [Pa], and 0 elsewhere."""
-    rate = np.maximum(excess, 0.0) / viscosity
-    return rate if flow_index == 1.0 else rate ** (1.0 / flow_index)
-
-
-def _viscous_gradient(slot: Slot, flow: Floats, speed: Floats, viscosity: float, flow_index: float) -> Floats:
-    """Pressure gradient [Pa/m] of plates without yield stress; the flow fills what the wall displaces, too."""
-    mean = (flow / slot.width + speed * slot.gap / 2.0) / slot.gap
-    rate = 6.0 * mean / slot.gap * (2.0 * flow_index + 1.0) / (3.0 * flow_index)
-    return 2.0 / slot.gap * (viscosity * rate**flow_index)
-
-
-def _gradient(
-    compute_flow: Callable[[Floats], Floats], slot: Slot, flow: Floats, tau: Floats, viscous: Floats
-) -> Floats:
-    """Pressure gradient [Pa/m] at which a profile moves the flow; `compute_flow` maps gradients to flows [m^3/s]."""
-    at_rest, flowing = 2.0 * tau / slot.gap, viscous > 0.0
-    low = np.where(flowing, at_rest + 0.1 * viscous, 1.0)
-    high = np.where(flowing, 1.5 * at_rest + 1.5 * viscous, 2.0)
-
-    def excess(gradient: Floats) -> Floats:
-        return compute_flow(gradient) - flow
-
-    for _ in range(_DOUBLINGS):
-        short = flowing & (excess(high) < 0.0)
-        if not short.any():
-            break
-        high = np.where(short, 2.0 * high, high)
-    return np.where(flowing, roots_between(excess, low, high), at_rest)
 
 
 def broadcast(**values: ArrayLike) -> tuple[Floats, ...]:

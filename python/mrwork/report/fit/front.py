@@ -38,14 +38,6 @@ _CAUTIONS, _ADVICE, _LAWS, _IN_ROW, _NAMED = 3, 3, 6, 2, 3
 _ONE_MOTION = RemarkKind("one_test_fitted", "one test does not show other motions and commands", warns=True)
 _WEAK = RemarkKind("values_undetermined", "the tests do not determine {0}", "do not use a value by itself")
 _SYNTHETIC = RemarkKind("tests_synthetic", "synthetic tests show that the chain works, no more", warns=True)
-_GAP = RemarkKind("command_gap", "Test at a command between {0}: no test shows the laws there.")
-_UNCALIBRATED = RemarkKind(
-    "calibration_missing", "`mrwork calibrate RUN TESTS`: the error on other tests, and bands."
-)
-_UNTESTED = RemarkKind("held_out_missing", "`mrwork predict RUN TESTS --level 0.9` with tests kept for test.")
-_NO_INTERVALS = RemarkKind("intervals_missing", "`mrwork profile RUN`: an interval of each parameter.")
-_NO_PLAN = RemarkKind("plan_missing", "`mrwork plan RUN`: the next test that narrows a band most.")
-_NO_STUDY = RemarkKind("study_missing", 'In a study of a building: `run = "RUN"` of its `[[damper]]`.')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +62,7 @@ class _Evidence:
         return f"{text}. {self.limit}".rstrip()
 
 
-def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
+def evidence_of(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
     """The best evidence that a run has: tests that it has not seen, else the fitted ones."""
     evidence = _Evidence(
         title="Fitted tests",
@@ -112,15 +104,10 @@ def _tests(count: int) -> str:
     return "one test" if count == 1 else f"{count} tests"
 
 
-def evidence_in_words(run: StoredRun, predictions: Sequence[Prediction]) -> str:
-    """How well a run predicts, in a sentence or two."""
-    return _evidence(run, predictions).in_words
-
-
 def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
     """The front of the page of a run, whose fit is `predictions`."""
     fit = run.fit
-    evidence = _evidence(run, predictions)
+    evidence = evidence_of(run, predictions)
     names = [prediction.test.name for prediction in predictions]
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
     cautions = warnings_of(_cautions(run, evidence, predictions))
@@ -145,7 +132,7 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
             f"Not beyond the tested ranges: {fit.tested.in_words}.",
             *first_sentences(cautions, _CAUTIONS),
         ),
-        advice=tuple(remark.message for remark in _advice(run))[:_ADVICE],
+        advice=_advice(run),
     )
 
 
@@ -232,15 +219,16 @@ def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Predict
         yield _SYNTHETIC.remark()
 
 
-def _advice(run: StoredRun) -> Iterator[Remark]:
-    if (gap := run.fit.tested.gap) is not None:
-        yield _GAP.remark(f"{gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}")
-    if run.bands is None:
-        yield _UNCALIBRATED.remark()
-    elif run.bands.calibration.held_out == UNSEEN:
-        yield _UNTESTED.remark()
-    if run.draws is None and run.profiles is None:
-        yield _NO_INTERVALS.remark()
-    if run.plan is None:
-        yield _NO_PLAN.remark()
-    yield _NO_STUDY.remark()
+def _advice(run: StoredRun) -> tuple[str, ...]:
+    tested, bands = run.fit.tested, run.bands
+    between = "" if (gap := tested.gap) is None else f"{gap[0]:g} and {gap[1]:g} {tested.command_unit}"
+    is_untested = bands is not None and bands.calibration.held_out == UNSEEN
+    advice = (
+        (bool(between), f"Test at a command between {between}: no test shows the laws there."),
+        (bands is None, "`mrwork calibrate RUN TESTS`: the error on other tests, and bands."),
+        (is_untested, "`mrwork predict RUN TESTS --level 0.9` with tests kept for test."),
+        (run.draws is None and run.profiles is None, "`mrwork profile RUN`: an interval of each parameter."),
+        (run.plan is None, "`mrwork plan RUN`: the next test that narrows a band most."),
+        (True, 'In a study of a building: `run = "RUN"` of its `[[damper]]`.'),
+    )
+    return tuple(sentence for lacks, sentence in advice if lacks)[:_ADVICE]

@@ -107,6 +107,10 @@ def history_section(
         )
         words = f"Ground acceleration of {results.motions[motion].name}"
         panels.append(panel("ground", "Ground", ground, words))
+    if (sum_of_forces := reference.numbers.get("floor_force")) is not None:
+        push = (reference.time, sum_of_forces / 1e3, style.INK, 0.8)
+        words = f"Sum of the forces on the floors of {results.motions[motion].name}"
+        panels.append(panel("forces", "Forces on the floors", _over_time("Sum (kN)", push), words))
     for row, history in shown:
         # Beside the line without dampers a row without a hue is dark.
         colour = style.INK if of_row[row].colour == style.DATA else of_row[row].colour
