@@ -8,7 +8,7 @@ from control_samples import five_storeys, plant
 from refusals import refusal
 
 from mrwork.control import Plant, optimal_surface, plant_of
-from mrwork.control.laws.sliding import SlidingGains, SlidingSettings, SlidingSurface
+from mrwork.control.laws.sliding import SlidingSettings, SlidingSurface
 
 
 @pytest.mark.parametrize("n_devices", [1, 2])
@@ -66,27 +66,27 @@ def test_no_other_surface_has_a_lower_cost() -> None:
         assert cost(surface.S + step @ np.linalg.inv(system.scaling)) > least * (1.0 + 1e-9)
 
 
-def excite(system: Plant, surface: SlidingSurface, gains: SlidingGains, law: str) -> np.ndarray:
+def excite(system: Plant, surface: SlidingSurface, gains: dict[str, np.ndarray], law: str) -> np.ndarray:
     """|sigma| under a ground acceleration of 2 m/s^2 at 4 Hz, by Euler's rule, from two boundaries off."""
     h, n_steps = 2e-5, 100_000
     T = system.scaling
     A, B, E = (np.linalg.solve(T, each) for each in (system.A @ T, system.B[:, 0], system.E))
     S, drift = surface.S[0] @ T, surface.drift[0] @ T
-    z = B * 0.02 * gains.switching[0] / (S @ B)
-    w, gain = 0.0, gains.floor[0]
+    z = B * 0.02 * gains["switching"][0] / (S @ B)
+    w, gain = 0.0, gains["floor"][0]
     history = np.empty(n_steps)
     for step in range(n_steps):
         sigma = S @ z
         history[step] = abs(sigma)
         if law == "layer":
-            force = -gains.switching[0] * np.clip(sigma / gains.boundary[0], -1.0, 1.0)
+            force = -gains["switching"][0] * np.clip(sigma / gains["boundary"][0], -1.0, 1.0)
         elif law == "adaptive":
-            rate = gains.adaptation[0] * abs(sigma) * np.sign(abs(sigma) - gains.boundary[0])
-            gain = np.clip(gain + h * rate, gains.floor[0], gains.ceiling[0])
-            force = -gain * np.clip(sigma / gains.boundary[0], -1.0, 1.0)
+            rate = gains["adaptation"][0] * abs(sigma) * np.sign(abs(sigma) - gains["boundary"][0])
+            gain = np.clip(gain + h * rate, gains["floor"][0], gains["ceiling"][0])
+            force = -gain * np.clip(sigma / gains["boundary"][0], -1.0, 1.0)
         else:
-            w -= h * gains.integral[0] * np.sign(sigma)
-            force = -gains.proportional[0] * np.sqrt(abs(sigma)) * np.sign(sigma) + w
+            w -= h * gains["integral_gain"][0] * np.sign(sigma)
+            force = -gains["root_gain"][0] * np.sqrt(abs(sigma)) * np.sign(sigma) + w
         ground = 2.0 * np.sin(2.0 * np.pi * 4.0 * step * h)
         z = z + h * (A @ z + B * (force - drift @ z) + E * ground)
     return history
@@ -102,19 +102,19 @@ def test_an_ideal_actuator_is_brought_to_the_surface_and_held(law: str, bound: f
     surface = optimal_surface(system)
     gains = SETTINGS.gains(surface)
     history = excite(system, surface, gains, law)
-    assert history[0] > 1.5 * gains.boundary[0]
-    assert history[50_000:].max() < bound * gains.boundary[0]
+    assert history[0] > 1.5 * gains["boundary"][0]
+    assert history[50_000:].max() < bound * gains["boundary"][0]
 
 
 def test_gains_follow_their_formulas() -> None:
     surface = optimal_surface(plant(2, five_storeys()))
     gains = SETTINGS.gains(surface)
-    assert np.all(gains.switching > 2.0 * np.abs(surface.ground))
-    np.testing.assert_allclose(gains.boundary * 100.0, gains.switching)
+    assert np.all(gains["switching"] > 2.0 * np.abs(surface.ground))
+    np.testing.assert_allclose(gains["boundary"] * 100.0, gains["switching"])
     # Levant: k_2 > L and k_1^2 > 2 L with L the bound of the slope, all of 1.2 times that of 2 m/s^2 at 5 Hz.
     slope = 1.2 * 2.0 * np.pi * 5.0 * 2.0 * np.abs(surface.ground)
-    np.testing.assert_allclose(gains.integral, 1.1 * slope)
-    np.testing.assert_allclose(gains.proportional**2, 2.25 * slope)
+    np.testing.assert_allclose(gains["integral_gain"], 1.1 * slope)
+    np.testing.assert_allclose(gains["root_gain"] ** 2, 2.25 * slope)
 
 
 def test_what_has_no_surface_is_refused() -> None:

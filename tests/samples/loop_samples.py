@@ -98,6 +98,10 @@ def at_samples(found: Responses) -> History:
     return History(time=found.histories[0].time[:-1], numbers=numbers)
 
 
+def named_in(gains: dict[str, Floats], *names: str) -> dict[str, Floats]:
+    return {name: gains[name] for name in names}
+
+
 def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> ControlLaw:
     """A law of the registry with reasonable numbers for a building with these devices.
 
@@ -108,11 +112,8 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
     weight = strength * lyapunov_function(plant).vectors
     surface = optimal_surface(plant)
     sliding = SlidingSettings(peak_acceleration=2.0, largest_force=1500.0).gains(surface)
-    slides = {
-        "gain": strength * surface.drift,
-        "surface": -strength * surface.S,
-        "boundary": sliding.boundary,
-    }
+    slides = {name: strength * values for name, values in sliding.items()}
+    slides |= {"surface": -strength * surface.S, "boundary": sliding["boundary"]}
     scale = {"deformation_scale": 2e-3 * each, "rate_scale": 0.05 * each}
     weighed = ("lyapunov", "lyapunov_direct", "lyapunov_parabola", "lyapunov_direct_bang_bang")
     inverses = ("inverse_direct", "inverse_parabola", "inverse_network")
@@ -127,20 +128,12 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
         "decentralised_bang_bang": {},
         "maximum_energy_dissipation": {},
         "modulated_homogeneous_friction": {"slope": strength * 2e5 * each},
-        "sliding_mode": {**slides, "switching": strength * sliding.switching},
-        "adaptive_sliding_mode": {
-            **slides,
-            "adaptation": strength * sliding.adaptation,
-            "floor": strength * sliding.floor,
-            "ceiling": strength * sliding.ceiling,
-        },
-        "super_twisting": {
-            "surface": strength * surface.S,
-            "drift": strength * surface.drift,
-            "push": strength * each,
-            "root_gain": strength * sliding.proportional,
-            "integral_gain": strength * sliding.integral,
-        },
+        "sliding_mode": named_in(slides, "gain", "surface", "boundary", "switching"),
+        "adaptive_sliding_mode": named_in(
+            slides, "gain", "surface", "boundary", "adaptation", "floor", "ceiling"
+        ),
+        "super_twisting": {"surface": strength * surface.S}
+        | named_in(slides, "drift", "push", "root_gain", "integral_gain"),
         "fuzzy": scale,
         "proportional_direct": {"weight": weight, "slope": 5.0 * each},
         "signal_network": {"gain": K, "network": strength * _signal_network(plant.n_devices)},

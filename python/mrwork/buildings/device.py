@@ -103,7 +103,12 @@ class Device(Summarised):
             # Nothing follows it.
             object.__setattr__(self, "largest_command", self.largest_command or 1.0)
         elif self.lag is not None:
-            self._take_lag(self.lag)
+            # From then on the rate of the lag is one of the parameters.
+            theta = np.atleast_1d(np.array(self.theta, dtype=np.float64))
+            theta = theta[..., : theta.shape[-1] - self.spec.lagged]
+            object.__setattr__(self, "spec", with_changed_laws(self.spec, lagged=True))
+            object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], self.lag, axis=-1))
+            object.__setattr__(self, "lag", None)
         keep_arrays(self, "theta", "row", *(["sprung"] if self.sprung is not None else []))
         n_params = len(self.spec.parameters)
         if self.draws.ndim != 2 or self.draws.shape[1] != n_params:
@@ -119,14 +124,6 @@ class Device(Summarised):
             raise SettingError(
                 f"{self.name}: it is to hold {self.command:g}, and its driver gives {self.largest_command:g} at most"
             )
-
-    def _take_lag(self, lag: float) -> None:
-        """Replace the rate of the lag, or append it to model and parameters; from then on it is one of them."""
-        theta = np.atleast_1d(np.array(self.theta, dtype=np.float64))
-        theta = theta[..., : theta.shape[-1] - self.spec.lagged]
-        object.__setattr__(self, "spec", with_changed_laws(self.spec, lagged=True))
-        object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], lag, axis=-1))
-        object.__setattr__(self, "lag", None)
 
     @property
     def is_actuator(self) -> bool:
@@ -206,28 +203,25 @@ def as_actuators(devices: Sequence[Device], most: float) -> tuple[Device, ...]:
 
 def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
     """Rows that give elongations of devices from coordinates, shape (n_devices, n); refused where one does not fit."""
-    n = building.check().n_coordinates
+    building.check()
     if not devices:
         raise SettingError(f"no device was given for {building.name}; give one or more")
-    for device in devices:
-        if np.shape(device.row) != (n,) or not np.any(device.row):
-            raise SettingError(
-                f"{device.name}: `row` has shape {np.shape(device.row)}; {building.name} takes ({n},), not all zero: "
-                "a row of `building.storeys`"
-            )
-    return np.array([device.row for device in devices], dtype=np.float64)
+    return _rows(building, devices, "row", "storeys")
 
 
 def sprung_rows(building: Building, devices: Sequence[Device]) -> Floats:
     """Rows of the sprung masses of devices, shape (n_devices, n), zeros where one has none; refused as those above."""
+    return _rows(building, devices, "sprung", "floors")
+
+
+def _rows(building: Building, devices: Sequence[Device], name: str, of: str) -> Floats:
     rows = np.zeros((len(devices), building.n_coordinates))
     for row, device in zip(rows, devices, strict=True):
-        if device.sprung is None:
-            continue
-        if np.shape(device.sprung) != row.shape or not np.any(device.sprung):
+        given = getattr(device, name)
+        if given is not None and (np.shape(given) != row.shape or not np.any(given)):
             raise SettingError(
-                f"{device.name}: `sprung` has shape {np.shape(device.sprung)}; {building.name} takes {row.shape}, not "
-                "all zero: a row of `building.floors`"
+                f"{device.name}: `{name}` has shape {np.shape(given)}; {building.name} takes {row.shape}, not all "
+                f"zero: a row of `building.{of}`"
             )
-        row[:] = device.sprung
+        row[:] = 0.0 if given is None else given
     return rows

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.device import Device, elongation_rows, sprung_rows
-from mrwork.buildings.groups import commanded, groups_of
+from mrwork.buildings.device import Device, as_actuators, elongation_rows, sprung_rows
+from mrwork.buildings.groups import commanded, groups_of, sends_forces
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observer import core_observer
@@ -188,6 +188,20 @@ class CoreLoop:
         return simulate
 
 
+def with_actuators(
+    devices: Sequence[Device], law: ControlLaw, hardware: Hardware
+) -> tuple[tuple[Device, ...], Sequence[Device], Hardware]:
+    """The commanded devices, all, and the hardware: actuators in the places of dampers where a law commands forces."""
+    driven = commanded(devices)
+    if not law.spec.commands_force:
+        return driven, devices, hardware
+    if not sends_forces(devices):
+        # Its rate is one of the drivers of dampers.
+        hardware = replace(hardware, command_rate=math.inf)
+    driven = as_actuators(driven, law.largest_force)
+    return driven, (*driven, *devices[len(driven) :]), hardware
+
+
 def respond_alone(core: CoreLoop, runs: RunsOfLoop) -> list[NDArray[Any]]:
     """Runs of a loop in a process of their own, on one thread: summaries, outcomes, steps, without histories."""
     return list(core.simulator(runs, threads=1)(slice(None))[:3])
@@ -230,14 +244,17 @@ def core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_ru
 
 def core_controller(law: ControlLaw, gains: Floats, shaping: Floats | None) -> _rust.Controller:
     """A law for the core, with gains (n_candidates, n_gains) and perhaps shaping, (n_candidates, 2)."""
-    return _rust.Controller(
-        law.name,
-        np.ascontiguousarray(gains),
-        law.table_rows(),
-        _core_curve(law),
-        shaping,
-        _core_model(law),
-    )
+    curve = None
+    if law.curve is not None:
+        spec, theta = law.curve
+        if not is_curve(spec):
+            raise SettingError(
+                f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
+            )
+        numbers = np.ascontiguousarray(theta, dtype=np.float64)
+        curve = _rust.ForceCurve([*map(str, spec.laws)], numbers, spec.lagged)
+    rows = np.ascontiguousarray(gains)
+    return _rust.Controller(law.name, rows, law.table_rows(), curve, shaping, _core_model(law))
 
 
 def _range_of(device: Device) -> tuple[float, float]:
@@ -283,20 +300,6 @@ def _core_building(
         )
     except ValueError as error:
         raise SettingError(f"{building.name}: {error}") from error
-
-
-def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
-    """The static damper model inside the law; `None` if it has none."""
-    if law.curve is None:
-        return None
-    spec, theta = law.curve
-    if not is_curve(spec):
-        raise SettingError(
-            f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
-        )
-    return _rust.ForceCurve(
-        [*map(str, spec.laws)], np.ascontiguousarray(theta, dtype=np.float64), spec.lagged
-    )
 
 
 def _core_model(law: ControlLaw) -> _rust.LoopModel | None:

@@ -227,13 +227,8 @@ class Hardware(Summarised):
     @property
     def sensors(self) -> list[list[float]]:
         """Noise and resolution of accelerations, deformations, drifts, forces and the ground's acceleration."""
-        return [
-            [self.acceleration_noise, self.acceleration_resolution],
-            [self.deformation_noise, self.deformation_resolution],
-            [self.drift_noise, self.drift_resolution],
-            [self.force_noise, self.force_resolution],
-            [self.ground_acceleration_noise, self.ground_acceleration_resolution],
-        ]
+        signals = "acceleration", "deformation", "drift", "force", "ground_acceleration"
+        return [[getattr(self, f"{of}_noise"), getattr(self, f"{of}_resolution")] for of in signals]
 
     @property
     def observes_ground(self) -> bool:

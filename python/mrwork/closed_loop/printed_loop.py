@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mrwork import _rust
-from mrwork.buildings.device import Device, as_actuators
-from mrwork.buildings.groups import commanded, sends_forces
+from mrwork.buildings.device import Device
 from mrwork.buildings.plane_building import Building
-from mrwork.closed_loop.core_loop import LoopOfRuns, core_controller, core_dampers, theta_of
+from mrwork.closed_loop.core_loop import LoopOfRuns, core_controller, core_dampers, theta_of, with_actuators
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.control.laws.control_law import ControlLaw
@@ -51,12 +49,7 @@ def printed_loop(
         raise SettingError("no sensor tells the ground ahead; leave ground_preview of the hardware out")
     if hardware.faults:
         raise SettingError("faults are of a simulation; leave the faults of the hardware out")
-    driven = commanded(devices)
-    if law.spec.commands_force:
-        if not sends_forces(devices):
-            hardware = replace(hardware, command_rate=math.inf)
-        driven = as_actuators(driven, law.largest_force)
-        devices = (*driven, *devices[len(driven) :])
+    driven, devices, hardware = with_actuators(devices, law, hardware)
     gains = law.gain_rows(len(driven), 2 * building.n_coordinates)
     if len(gains) != 1:
         raise SettingError(

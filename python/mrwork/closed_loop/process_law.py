@@ -376,7 +376,12 @@ class _Session:
         if len(answer) != self._answer.size:
             if not self._answered:
                 raise SettingError(self._no_first_answer(link, len(message), answer))
-            self._miss(number, "misshapen" if answer else "unanswered")
+            self._missed += 1
+            self._in_a_row["misshapen" if answer else "unanswered"] += 1
+            # Where a run begins without an answer, or has several in a row, its controller is lost.
+            if number == 0 or self._in_a_row.total() == _HANGS:
+                messages = f"{_HANGS} messages in a row" if number else "sample 0"
+                self._lose(number + 1, f"gave no answer of {self._answer.size} bytes in time to {messages}")
             return self._no_command
         self._answered = True
         self._failures += self._in_a_row
@@ -406,14 +411,6 @@ class _Session:
             f"{name} gave no answer to sample 0 within {self._law.start_timeout:g} s; let it read {asked} bytes and "
             f"then write {form}, without a buffer that waits for more"
         )
-
-    def _miss(self, number: int, why: str) -> None:
-        """Count a sample without an answer; where a run begins so, or has several in a row, its controller is lost."""
-        self._missed += 1
-        self._in_a_row[why] += 1
-        if number == 0 or self._in_a_row.total() == _HANGS:
-            messages = f"{_HANGS} messages in a row" if number else "sample 0"
-            self._lose(number + 1, f"gave no answer of {self._answer.size} bytes in time to {messages}")
 
     def _lose(self, number: int, ended: str) -> None:
         """Go on with this run without the controller, which has answered until the misses in a row before a sample."""

@@ -253,13 +253,13 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     dampers, and then floor, storey, device or element.
 
     The quantities and their units are declared by the core, see `run_quantities`. Each is an attribute; of
-    floors, storeys, devices and passive elements it has a second axis. Peaks and mean squares are taken over all
-    integration steps; accelerations are absolute. `energy_error` is the largest imbalance of input, kinetic, strain,
-    damping, device and element energy during the run, relative to the largest energy. `steps` is the number of
-    integration steps per sample, `shape` the numbers of candidates, motions and draws. `devices` are the dampers, none
-    where actuators replace them; `seconds` are the lengths of the motions. `slopes` are the exact derivatives of the
-    `numbers` along each direction in the gains that the `LoopVariation` has. `law_remarks` are on a gain that no design
-    has looked at.
+    floors, storeys, devices and passive elements it has a second axis. Peaks are taken at the starts of all
+    integration steps and at the end, mean squares at the starts; accelerations are absolute. `energy_error` is the
+    largest imbalance of input, kinetic, strain, damping, device and element energy during the run, relative to the
+    largest energy. `steps` is the number of integration steps per sample, `shape` the numbers of candidates, motions
+    and draws. `devices` are the dampers, none where actuators replace them; `seconds` are the lengths of the motions.
+    `slopes` are the exact derivatives of the `numbers` along each direction in the gains that the `LoopVariation` has.
+    `law_remarks` are on a gain that no design has looked at.
     """
 
     shape: tuple[int, int, int]

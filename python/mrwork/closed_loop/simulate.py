@@ -20,7 +20,7 @@ from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device as Device
-from mrwork.buildings.device import as_actuators, elongation_rows
+from mrwork.buildings.device import elongation_rows
 from mrwork.buildings.groups import (
     commanded,
     groups_of,
@@ -30,7 +30,15 @@ from mrwork.buildings.groups import (
     sends_shares,
 )
 from mrwork.buildings.plane_building import Building
-from mrwork.closed_loop.core_loop import CoreLoop, LoopOfRuns, RunsOfLoop, Simulator, respond_alone, theta_of
+from mrwork.closed_loop.core_loop import (
+    CoreLoop,
+    LoopOfRuns,
+    RunsOfLoop,
+    Simulator,
+    respond_alone,
+    theta_of,
+    with_actuators,
+)
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observer import loop_observer
@@ -167,13 +175,8 @@ def simulate_loop(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
         )
     refuse_order(devices)
-    driven, actuators = commanded(devices), law.spec.commands_force
-    if actuators:
-        if not sends_forces(devices):
-            # Its rate is one of the drivers of dampers.
-            hardware = replace(hardware, command_rate=math.inf)
-        driven = as_actuators(driven, law.largest_force)
-        devices = (*driven, *devices[len(driven) :])
+    actuators = law.spec.commands_force
+    driven, devices, hardware = with_actuators(devices, law, hardware)
     refuse_rate(devices, hardware.command_rate, "command_rate")
     if not motions:
         raise SettingError("no ground motion was given; give at least one")

@@ -21,7 +21,6 @@ from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_forces, sends_shares
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
-from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import control_law, refuse_units
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings
@@ -63,12 +62,6 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
             rms_time=table.rms_time,
             source=digest_of(text),
         )
-
-
-def _located(law: ProcessLaw, folder: Path) -> ProcessLaw:
-    """The law with its program as a file; a name without a folder is that of a program on the PATH."""
-    program, *arguments = law.program or ("",)
-    return replace(law, program=(str(folder.absolute() / program), *arguments)) if os.sep in program else law
 
 
 def arrangements(
@@ -145,7 +138,10 @@ def _arrange_controller(
         with keyed("user"):
             law = _load_law(user, folder)
     elif controller.process is not None:
-        law = _located(controller.process, folder)
+        law, (program, *arguments) = controller.process, controller.process.program or ("",)
+        if os.sep in program:
+            # A name without a folder is that of a program on the PATH.
+            law = replace(law, program=(str(folder.absolute() / program), *arguments))
         title, description = law.name, f"{law.place}, outside Python"
     elif settings is None:
         constant, description = CONSTANT_LAWS[name], name

@@ -68,7 +68,11 @@ class Course:
             return
         within = f" {done:,} of {total:,}" if done else ""
         runs = [f"{self._done} of {self._total} runs"] if self._total else []
-        seconds, left = time.perf_counter() - self._began, self._time_left()
+        costs, rated, simulated = self._standing(self._share)
+        if simulated["core"] > 0.0 and not simulated["rollout"]:
+            simulated["rollout"], rated["rollout"] = simulated["core"], rated["core"]
+        left = time_left(costs, simulated, rated) if self._total else None
+        seconds = time.perf_counter() - self._began
         self._on_progress(
             Progress(
                 stage="study",
@@ -86,14 +90,6 @@ class Course:
         parts = (gone * self._step.cost, passed, self._share * self._step.cost)
         left, seconds, simulated = (Counter({self._step.kind: part}) for part in parts)
         return self._left - left, self._seconds + seconds, self._simulated + simulated
-
-    def _time_left(self) -> float | None:
-        left, seconds, simulated = self._standing(self._share)
-        if not self._total:
-            return None
-        if simulated["core"] > 0.0 and not simulated["rollout"]:
-            simulated["rollout"], seconds["rollout"] = simulated["core"], seconds["core"]
-        return time_left(left, simulated, seconds)
 
 
 LEVELS = 21

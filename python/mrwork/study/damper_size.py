@@ -143,7 +143,11 @@ def _weak(results: StudyResults) -> Iterator[Remark]:
     """Warn of dampers that are too weak for their building."""
     most = max(_reaches(results), key=lambda reach: reach.share, default=None)
     if most is not None and most.share < _WEAK:
-        counts = _counts(results, _ADVISED / most.share)
+        factor, own = _ADVISED / most.share, {damper.count for damper in results.dampers}
+        counts = f"{math.ceil(round_to(factor, 2))} times the count of each [[damper]]"
+        if len(own) == 1:
+            where = "the" if len(results.dampers) == 1 else "each"
+            counts = f"count = {math.ceil(round_to(own.pop() * factor, 2))} in {where} [[damper]]"
         yield _WEAK_DAMPERS.remark(counts, measured=Measured(most.share, ""), percent=_percent(most.share))
 
 
@@ -269,14 +273,6 @@ def _reaches(results: StudyResults) -> list[_Reach]:
             force, base = float(on_base[most]), bool(of_base)
             reaches.append(_Reach(motion=motion, forces=held, force=force, on_base=base, shear=shear))
     return reaches
-
-
-def _counts(results: StudyResults, factor: float) -> str:
-    counts = {damper.count for damper in results.dampers}
-    if len(counts) == 1:
-        where = "the" if len(results.dampers) == 1 else "each"
-        return f"count = {math.ceil(round_to(counts.pop() * factor, 2))} in {where} [[damper]]"
-    return f"{math.ceil(round_to(factor, 2))} times the count of each [[damper]]"
 
 
 def _percent(share: float) -> str:

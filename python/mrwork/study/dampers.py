@@ -263,19 +263,16 @@ def equip_building(
             rows[number] = building.storeys[-1]
         before = 0 if table.name else sum(other.startswith(name) for other in names)
         names.append(f"{name}, number {before + 1}" if before else name)
-    sprung = read_each(lambda number: _sprung_of(building, tables[number], number), range(len(tables)))
+
+    def sprung_of(number: int) -> Floats | None:
+        with keyed("damper", number, "sprung"):
+            return None if (floor := tables[number].sprung) is None else building.floor_row(floor)
+
+    sprung = read_each(sprung_of, range(len(tables)))
     return building, tuple(
         replace(device, name=name, row=row, sprung=floor, **named(table, "count", "differential"))
         for device, name, row, floor, table in zip(chosen, names, rows, sprung, tables, strict=True)
     )
-
-
-def _sprung_of(building: Building, table: DamperTable, number: int) -> Floats | None:
-    """Row of the floor that is the sprung mass of a table of this number; `None` where it has none."""
-    if table.sprung is None:
-        return None
-    with keyed("damper", number, "sprung"):
-        return building.floor_row(table.sprung)
 
 
 def _row_of(bare: Building, table: DamperTable, number: int) -> Floats:

@@ -295,14 +295,11 @@ class Fragilities(Plotted, WithAxes, Summarised):
             for remark, labels in by_remark.items()
         )
         unusual = criterion_named(self.criterion).unusual_limit(self.limit)
-        return (*unusual, *self._few(), *of_rows, *self.study_remarks)
-
-    def _few(self) -> Iterator[Remark]:
         count = len(next(iter(self.rows.values())).crossings)
         holds, needed = 1.0 - 0.5 ** (count - 1), math.ceil(1.0 - math.log2(1.0 - self.level))
-        if holds < self.level:
-            held, level = shortest(100.0 * holds, 3), 100.0 * self.level
-            yield _FEW_RECORDS.remark(count=count, holds=held, level=level, needed=needed)
+        held, level = shortest(100.0 * holds, 3), 100.0 * self.level
+        few = _FEW_RECORDS.remark(count=count, holds=held, level=level, needed=needed)
+        return (*unusual, *([few] if holds < self.level else []), *of_rows, *self.study_remarks)
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:

@@ -85,18 +85,17 @@ def bare_motions(
     Forces are on the `floors` of the building.
     """
     grounds = [*_grounds(table, folder, seed, floors)]
-    for ground, _ in grounds:
+    # What is doubtful of the size of a record only where the motion keeps it, also with its largest factor.
+    factor = max(map(abs, _several(table.factor)), default=0.0) or 1.0
+    is_scaled = any(value is not None for value in (table.pga, table.sa, table.scale_to))
+    bare = list[BareMotion]()
+    for ground, file in grounds:
         refuse_floors(ground, floors)
-    return [
-        BareMotion(
-            ground=_process(ground, table),
-            table=table,
-            number=number,
-            file=file,
-            remarks=_record_remarks(ground, table),
-        )
-        for ground, file in grounds
-    ]
+        largest = replace(ground, acceleration=factor * ground.acceleration)
+        remarks = () if table.is_synthetic else examined(largest, scaled=is_scaled)
+        done = _process(ground, table)
+        bare.append(BareMotion(ground=done, table=table, number=number, file=file, remarks=remarks))
+    return bare
 
 
 def motions_of_study(read: Sequence[BareMotion], aims: Aims) -> tuple[MotionOfStudy, ...]:
@@ -151,15 +150,6 @@ def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOf
         )
         for ground, intensity, factor in scaled
     ]
-
-
-def _record_remarks(ground: GroundMotion, table: MotionTable) -> tuple[Remark, ...]:
-    """What is doubtful of a record; of its size only where the motion keeps it, also with its largest factor."""
-    if table.is_synthetic:
-        return ()
-    factor = max(map(abs, _several(table.factor)), default=0.0) or 1.0
-    is_scaled = any(value is not None for value in (table.pga, table.sa, table.scale_to))
-    return examined(replace(ground, acceleration=factor * ground.acceleration), scaled=is_scaled)
 
 
 def _grounds(

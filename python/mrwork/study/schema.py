@@ -630,89 +630,66 @@ class MotionTable(Stated):
         if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
             yield keys[1], f"{says}; keep one of {list_names(keys)}"
-        yield from self._mistakes_of_forces()
-        yield from self._mistakes_of_roads()
-        made, of_samples = self.is_synthetic, self.acceleration is not None
-        for unread, reason, names in (
-            (self.sa is None, "is of sa, which this motion does not have", ("sa_period", "sa_damping")),
-            (not made, "is of synthetic motions, and this one is given", ("duration", "soil", "seed")),
-            (bool(self.suite), "is for a single synthetic motion, and this is a suite", ("duration", "soil")),
-            (made, "is for files, and this motion is synthetic", ("unit", "column", "channel")),
-            (of_samples, "is for files, and this motion is given by its samples", ("column", "channel")),
-            (
-                isinstance(self.file, GroundMotion),
-                "is for files, and this motion is a GroundMotion",
-                ("unit", "dt", "column", "channel"),
-            ),
-        ):
-            # A seed of 0 is as if none were given.
-            for name in (name for name in names if unread and getattr(self, name) not in (None, 0)):
-                yield name, f"{name} {reason}; leave it out"
-        if self.acceleration is not None and self.dt is None:
-            yield (), "[[motion]] has no dt of its samples; give it [s]"
-
-    def _mistakes_of_forces(self) -> Iterator[tuple[str | KeyPath, str]]:
-        given, of_file = self.forces is not None, self.force is not None
-        for unread, reason, names in (
-            (
-                self.is_forced,
-                "is of ground accelerations, and this motion has forces on floors; leave it out, or scale by factor",
-                ("pga", "sa", "scale_to", "baseline"),
-            ),
-            (
-                not of_file,
-                "is of the one column of a force; give that force, or leave it out",
-                ("floor", "shape"),
-            ),
-            (
-                (of_file or given) and self.ground is None,
-                "is of records, and columns of forces are named by their floors; leave it out",
-                ("column", "channel"),
-            ),
-        ):
-            for name in (name for name in names if unread and getattr(self, name) is not None):
-                yield name, f"{name} {reason}"
-        if of_file and self.floor is not None and self.shape is not None:
+        for unread, names, reason in self._unread():
+            yield from (
+                (name, f"{name} {reason}") for name in names.split() if unread and name in given_in(self)
+            )
+        if self.force is not None and self.floor is not None and self.shape is not None:
             yield "shape", "floor and shape both say where the one column of a force acts; keep one"
-        if given and self.ground is None and self.dt is None:
-            yield (), "[[motion]] has no dt of its forces; give it [s]"
+        of_samples = self.acceleration is not None
+        if (of_samples or (self.forces is not None and self.ground is None)) and self.dt is None:
+            yield (), f"[[motion]] has no dt of its {'samples' if of_samples else 'forces'}; give it [s]"
+        wanted = {"road_class": self.road_class, "speed": self.speed} if self.is_drawn_road else {}
+        if lacking := " and no ".join(name for name, value in wanted.items() if value is None):
+            yield (), f'iso_8608 has no {lacking}; give both, as road_class = "C", speed = "72 km/h"'
 
-    def _mistakes_of_roads(self) -> Iterator[tuple[str | KeyPath, str]]:
-        drawn = self.synthetic == "iso_8608"
-        if drawn:
-            wanted = {"road_class": self.road_class, "speed": self.speed}
-            if lacking := [name for name, value in wanted.items() if value is None]:
-                yield (
-                    (),
-                    f'iso_8608 has no {" and no ".join(lacking)}; give both, as road_class = "C", speed = "72 km/h"',
-                )
-        is_road = drawn or self.road is not None
-        is_road = is_road or (isinstance(self.file, GroundMotion) and self.file.is_road)
-        level = "is a level of earthquakes, and a road has none; leave it out, or give factor, which scales heights"
-        for unread, reason, names in (
-            (
-                not drawn,
-                'is of a synthetic road; leave it out, or give synthetic = "iso_8608"',
-                ("road_class",),
-            ),
-            (
-                not drawn and self.road is None,
-                "is of roads, and this motion is none; leave it out",
-                ("speed",),
-            ),
-            (drawn, "is of filtered noise, and this is a road; leave it out", ("soil",)),
-            (self.road is not None, "is for records, and this is a road; leave it out", ("channel",)),
-            (is_road, level, ("pga", "sa", "scale_to")),
-            (
-                is_road,
-                "is of records, and heights of a road have no drift of a baseline; leave it out",
-                ("baseline",),
-            ),
-            (is_road, "would tilt the road, whose part begins level; cut the profile itself", ("start",)),
-            (is_road, "changes times and not heights; give another speed", ("time_scale",)),
-        ):
-            for name in (name for name in names if unread and name in given_in(self)):
-                yield name, f"{name} {reason}"
+    def _unread(self) -> Iterator[tuple[bool, str, str]]:
+        """Whether names of keys go unread, these names, and why, with what to do."""
+        made, drawn, file, of_force = self.is_synthetic, self.is_drawn_road, self.file, self.force is not None
+        is_value, leave = isinstance(file, GroundMotion), "; leave it out"
+        is_road = drawn or self.road is not None or (isinstance(file, GroundMotion) and file.is_road)
+        yield (
+            self.is_forced,
+            "pga sa scale_to baseline",
+            "is of ground accelerations, and this motion has forces on floors; leave it out, or scale by factor",
+        )
+        yield not of_force, "floor shape", "is of the one column of a force; give that force, or leave it out"
+        yield (
+            (of_force or self.forces is not None) and self.ground is None,
+            "column channel",
+            f"is of records, and columns of forces are named by their floors{leave}",
+        )
+        yield not drawn, "road_class", 'is of a synthetic road; leave it out, or give synthetic = "iso_8608"'
+        yield not (drawn or self.road), "speed", f"is of roads, and this motion is none{leave}"
+        yield drawn, "soil", f"is of filtered noise, and this is a road{leave}"
+        yield self.road is not None, "channel", f"is for records, and this is a road{leave}"
+        yield (
+            is_road,
+            "pga sa scale_to",
+            "is a level of earthquakes, and a road has none; leave it out, or give factor, which scales heights",
+        )
+        yield is_road, "baseline", f"is of records, and heights of a road have no drift of a baseline{leave}"
+        yield is_road, "start", "would tilt the road, whose part begins level; cut the profile itself"
+        yield is_road, "time_scale", "changes times and not heights; give another speed"
+        yield self.sa is None, "sa_period sa_damping", f"is of sa, which this motion does not have{leave}"
+        yield not made, "duration soil seed", f"is of synthetic motions, and this one is given{leave}"
+        yield (
+            bool(self.suite),
+            "duration soil",
+            f"is for a single synthetic motion, and this is a suite{leave}",
+        )
+        yield made, "unit column channel", f"is for files, and this motion is synthetic{leave}"
+        yield (
+            self.acceleration is not None,
+            "column channel",
+            f"is for files, and this motion is given by its samples{leave}",
+        )
+        yield is_value, "unit dt column channel", f"is for files, and this motion is a GroundMotion{leave}"
+
+    @property
+    def is_drawn_road(self) -> bool:
+        """Whether it is a random road."""
+        return self.synthetic == "iso_8608"
 
     @property
     def ground(self) -> str | None:

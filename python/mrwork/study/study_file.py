@@ -7,7 +7,7 @@ function stands the name of a file beside the study file, of a format that the p
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,12 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
     name = "_".join(keys)
     match value:
         case {"file": Building() as building, **given}:
-            return {"file": put(name, _matrices(building)), **_statements(building), **given}
+            rows = {array: np.atleast_2d(getattr(building, array)).tolist() for array in _ARRAYS}
+            return {
+                "file": put(name, {f"{array}.csv": _text_of(matrix) for array, matrix in rows.items()}),
+                **_statements(building),
+                **given,
+            }
         case {"file": GroundMotion() as motion, **given}:
             group = given.pop("group", [])
             groups = [*(group if isinstance(group, list) else [group]), *motion.groups]
@@ -91,8 +96,8 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
             file = put(f"{name}.txt", {"": _samples(samples)})
             return {"file": file, "unit": "m/s2", "name": "motion", **given}
         case {"forces": rows, **given} if keys[0] == "motion" and not {*GROUNDS} & {*given}:
-            text = "".join(f"{','.join(map(repr, sample))}\n" for sample in zip(*rows, strict=True))
-            return {"force": put(f"{name}.csv", {"": text.encode()}), "unit": "N", "name": "forces", **given}
+            file = put(f"{name}.csv", {"": _text_of(zip(*rows, strict=True))})
+            return {"force": file, "unit": "N", "name": "forces", **given}
         case {"file": function, **given} if callable(function):
             text = function_text(function, what="the law", remedy=_IN_A_FILE)
             return {"file": put(f"{name}.py", {"": text.encode()}), **given}
@@ -114,12 +119,8 @@ def _samples(samples: Sequence[float], heading: str = "") -> bytes:
     return (heading + "".join(f"{sample!r}\n" for sample in samples)).encode()
 
 
-def _matrices(building: Building) -> dict[str, bytes]:
-    rows = {name: np.atleast_2d(getattr(building, name)).tolist() for name in _ARRAYS}
-    return {
-        f"{name}.csv": "".join(f"{','.join(map(repr, row))}\n" for row in array).encode()
-        for name, array in rows.items()
-    }
+def _text_of(rows: Iterable[Sequence[float]]) -> bytes:
+    return "".join(f"{','.join(map(repr, row))}\n" for row in rows).encode()
 
 
 def _statements(building: Building) -> dict[str, Any]:

@@ -506,13 +506,13 @@ class _Loop:
 
     def result(self, last: LoopCarry, rows: Array, n_steps: Array | int) -> LoopResult:
         """Quantities in SI with the names of the core, a number for each floor, storey or device, and the history."""
-        motion, still, zero = last.motion, jnp.zeros(len(self.run.devices)), jnp.float64(0.0)
+        motion, current, a_g = last.motion, last.received, self.run.ground[3 * n_steps - 1]
         reductions, energies, duration = self.balanced(motion, last.kept), motion.energies, n_steps * self.h
-        named, _ = self.signals(motion, self.stage(motion, still, zero), still, zero)
+        named, at_end = self.signals(motion, self.stage(motion, current, a_g), current, a_g)
         ends = np.cumsum([len(signal) for signal in named.values()])[:-1]
         peaks, roots = (
             dict(zip(named, jnp.split(values, ends), strict=True))
-            for values in (reductions.peak, root(reductions.squares / n_steps))
+            for values in (jnp.maximum(reductions.peak, jnp.abs(at_end)), root(reductions.squares / n_steps))
         )
         kinetic, strain = self.held(motion)
         none, drift = jnp.zeros(0), times(self.run.plant.storeys, motion.q)
@@ -540,7 +540,7 @@ class _Loop:
             numbers={name: numbers[name] for name, *_ in _rust.run_quantities()},
             rows=rows,
             # No sample follows: the last command is still held.
-            end=self.row(motion, last.received, last.commands[0], self.run.ground[3 * n_steps - 1]),
+            end=self.row(motion, current, last.commands[0], a_g),
             bound=reductions.bound,
             invalid=reductions.invalid,
         )

@@ -5,6 +5,7 @@ use super::directions::Directions;
 use super::history::{HistoryRows, WriteHistory};
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
 use super::sample::{Controller, Sample};
+use crate::building::Building;
 use crate::control::Preview;
 use crate::coupled::{Coupled, Devices, Plant, devices_at_rest};
 use crate::dispatch::{InstructionSet, LaneJob};
@@ -415,15 +416,7 @@ fn integrate_block<R: Lanes>(
             {
                 coupled.evaluate(&start);
             }
-            R::out_of_line(ReduceStep {
-                building,
-                motion: coupled.plant.motion(),
-                force: coupled.devices.force(),
-                current: coupled.devices.current(),
-                ground_acceleration: &start,
-                on_floors: &coupled.plant.on_floors[0],
-                into: &mut reductions,
-            });
+            reduce(building, &coupled, &start, &mut reductions);
             if inner == 0 && !histories.is_empty() {
                 R::out_of_line(WriteHistory {
                     building,
@@ -442,9 +435,12 @@ fn integrate_block<R: Lanes>(
         }
     }
     R::out_of_line(BalanceEnergies { plant: &coupled.plant, into: &mut reductions });
+    coupled.plant.on_floors.swap(0, 2);
+    coupled.evaluate(&end);
+    let sums = reductions.clone();
+    reduce(building, &coupled, &end, &mut reductions);
+    reductions.keep_sums(sums);
     if !histories.is_empty() {
-        coupled.plant.on_floors.swap(0, 2);
-        coupled.evaluate(&end);
         R::out_of_line(WriteHistory {
             building,
             sample: n_samples,
@@ -458,6 +454,25 @@ fn integrate_block<R: Lanes>(
         });
     }
     (reductions, controller.command_invalid)
+}
+
+/// Adds the start of a step, or the end of a run, to the reductions.
+#[inline(always)]
+fn reduce<R: Lanes>(
+    building: &Building,
+    coupled: &Coupled<'_, R>,
+    ground_acceleration: &R,
+    into: &mut Reductions<R>,
+) {
+    R::out_of_line(ReduceStep {
+        building,
+        motion: coupled.plant.motion(),
+        force: coupled.devices.force(),
+        current: coupled.devices.current(),
+        ground_acceleration,
+        on_floors: &coupled.plant.on_floors[0],
+        into,
+    });
 }
 
 /// Time after `count` steps [s].

@@ -85,6 +85,7 @@ fn root_mean<R: Real>(sum: R, steps: R) -> R {
 }
 
 /// Peak magnitude and sum of squares of a signal.
+#[derive(Clone)]
 struct Extent<R> {
     peak: Vec<R>,
     squares: Vec<R>,
@@ -127,6 +128,7 @@ impl<R: Real> Extent<R> {
 }
 
 /// Peak of a rate, and its largest change in a step in which it changed sign.
+#[derive(Clone)]
 struct Reversal<R> {
     peak: Vec<R>,
     /// Rate at the preceding step.
@@ -170,6 +172,7 @@ impl<R: Lanes> Reversal<R> {
 const CHANGE: f64 = 0.1;
 
 /// Travel of commands from sample to sample, and the number of their changes of more than `CHANGE`.
+#[derive(Clone)]
 struct Travel<R> {
     distance: Vec<R>,
     changes: Vec<R>,
@@ -217,6 +220,7 @@ impl<R: Real> Travel<R> {
 }
 
 /// Running reductions of a block of lanes.
+#[derive(Clone)]
 pub(super) struct Reductions<R> {
     displacement: Extent<R>,
     acceleration: Extent<R>,
@@ -300,6 +304,18 @@ impl<R: Lanes> Reductions<R> {
         sums.iter().map(|&sum| sum / R::splat(seconds)).collect()
     }
 
+    /// Keeps the sums over the steps from before the end of the run was added, which begins no step.
+    pub(super) fn keep_sums(&mut self, before: Self) {
+        self.displacement.squares = before.displacement.squares;
+        self.acceleration.squares = before.acceleration.squares;
+        self.drift.squares = before.drift.squares;
+        self.base_shear.squares = before.base_shear.squares;
+        self.force.squares = before.force.squares;
+        self.current.squares = before.current.squares;
+        self.current_sum = before.current_sum;
+        self.steps = before.steps;
+    }
+
     /// Of each device in a lane: largest rate, and largest change of it in a step in which it changed sign [m/s].
     pub(super) fn severity(&self, lane: usize) -> Vec<[f64; 2]> {
         self.rate.of_lane(lane)
@@ -311,7 +327,7 @@ impl<R: Lanes> Reductions<R> {
     }
 }
 
-/// Adds the start of an integration step to the reductions.
+/// Adds the start of an integration step, or the end of a run, to the reductions.
 pub(super) struct ReduceStep<'a, R> {
     pub(super) building: &'a Building,
     pub(super) motion: PlantMotion<'a, R>,

@@ -4,6 +4,7 @@ use crate::building::Building;
 use crate::real::Real;
 
 /// Work on a building since its start [J].
+#[derive(Clone)]
 pub(crate) struct Energies<R> {
     /// Of the ground and of forces on floors.
     pub(crate) input: R,

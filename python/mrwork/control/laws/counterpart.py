@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import Positive
 from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force, sinusoid
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
@@ -43,14 +43,8 @@ class StaticCounterpart(Summarised):
     fit_percent: float
 
 
-@array_dataclass()
-class _Cycles:
-    """Simulated samples of a damper at all motions and commands, shape (n_samples,) each."""
-
-    displacement: Floats
-    velocity: Floats
-    command: Floats
-    force: Floats
+_Cycles = tuple[Floats, Floats, Floats, Floats]
+"""Displacement, velocity, command and force of a damper at all motions and commands, shape (n_samples,) each."""
 
 
 def static_counterpart(
@@ -118,13 +112,12 @@ def _simulate(
                 samples = motion.displacement, motion.velocity, np.full_like(force, command), force
                 parts.append([np.asarray(values)[last] for values in samples])
     x, v, u, f = np.concatenate(parts, axis=1)
-    return _Cycles(displacement=x, velocity=v, command=u, force=f)
+    return x, v, u, f
 
 
 def _fit(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, ...]:
     """Coefficients in the order of the spec, by variable projection from several starting points."""
-    speed = float(np.abs(cycles.velocity).max())
-    stroke = float(np.abs(cycles.displacement).max())
+    stroke, speed = (float(np.abs(values).max()) for values in cycles[:2])
     limits = {parameter.name: (parameter.lower, parameter.upper) for parameter in spec.plain}
     # Logarithms of beta and x_s; delta at zero and at the largest command.
     lower = np.array([np.log(0.1 / speed), np.log(1e-4 * stroke), limits["delta"][0], limits["delta"][0]])
@@ -169,35 +162,29 @@ def _project(
 
     `limits` keeps the values in the range of the model, which refuses a negative viscosity, for example.
     """
-    share = cycles.command / largest
+    displacement, velocity, command, force = cycles
+    share = command / largest
     steepness, width = np.exp(shape[:2])
     delta = shape[2] + (shape[3] - shape[2]) * share
-    side = np.tanh(cycles.displacement / width)
-    hysteresis = np.tanh(steepness * cycles.velocity + delta * side)
+    hysteresis = np.tanh(steepness * velocity + delta * np.tanh(displacement / width))
     ends = np.stack([1.0 - share, share], axis=1)
     middle = np.stack(
         [(1.0 - share) * (1.0 - 2.0 * share), 4.0 * share * (1.0 - share), share * (2.0 * share - 1.0)],
         axis=1,
     )
-    columns = np.hstack(
-        [
-            ends * cycles.velocity[:, None],
-            ends * cycles.displacement[:, None],
-            middle * hysteresis[:, None],
-            ends,
-        ]
-    )
+    both = velocity[:, None], displacement[:, None]
+    columns = np.hstack([*(ends * each for each in both), middle * hysteresis[:, None], ends])
     sizes = np.linalg.norm(columns, axis=0)
     scaled = columns / sizes
     if limits is None:
-        solution = np.linalg.lstsq(scaled, cycles.force, rcond=None)[0]
+        solution = np.linalg.lstsq(scaled, force, rcond=None)[0]
     else:
         from scipy.optimize import lsq_linear
 
         names = ("c", "c", "k", "k", "alpha", "alpha", "alpha", "f0", "f0")
         low, high = (np.array([limits[name][side] for name in names]) * sizes for side in (0, 1))
-        solution = lsq_linear(scaled, cycles.force, bounds=(low, high), method="bvls").x
-    return solution / sizes, scaled @ solution - cycles.force
+        solution = lsq_linear(scaled, force, bounds=(low, high), method="bvls").x
+    return solution / sizes, scaled @ solution - force
 
 
 def _linear(nodes: Floats, largest: float) -> tuple[float, float]:
@@ -212,13 +199,7 @@ def _quadratic(nodes: Floats, largest: float) -> tuple[float, float, float]:
 
 def _fit_percent(spec: DamperSpec, theta: Sequence[float], cycles: _Cycles) -> float:
     # A static model has no memory, so all cycles can be simulated in one history of any step.
-    loading = Loading(
-        dt=1.0,
-        displacement=cycles.displacement,
-        velocity=cycles.velocity,
-        command=cycles.command,
-        command_unit=spec.command_unit,
-    )
-    residual = simulate_force(spec, theta, loading) - cycles.force
-    deviation = cycles.force - cycles.force.mean()
+    x, v, u, force = cycles
+    loading = Loading(dt=1.0, displacement=x, velocity=v, command=u, command_unit=spec.command_unit)
+    residual, deviation = simulate_force(spec, theta, loading) - force, force - force.mean()
     return float(100.0 * (1.0 - np.linalg.norm(residual) / np.linalg.norm(deviation)))

@@ -10,7 +10,7 @@ import numpy as np
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.control.linear.margins import LoopMargins
-from mrwork.control.linear.plant import Plant, hold_input
+from mrwork.control.linear.plant import Plant, hold_input, symmetric
 
 # Coordinates times devices, or times four, up to which the loops of other readings are looked at, in a second.
 _MOST = 400
@@ -19,6 +19,8 @@ _REGULATOR, _NO_REGULATOR = 0.995, 0.9
 # Part of displacements in a gain over that of velocities, in coordinates of the energy, below which it has hardly any.
 _HARDLY = 0.01
 _FREQUENCIES, _ROUNDING = 150, 1e-9
+# Sample times [s] of gains of `dlqr`, beside that of the loop; unequal parts of K F^-1 G that are rounding of the gain.
+_SAMPLE_TIMES, _UNEQUAL = (0.005, 0.01, 0.02, 0.05), 0.01
 # Places about each pole, in half widths of its resonance.
 _ABOUT = np.sinh(np.linspace(-4.0, 4.0, 15))
 
@@ -41,8 +43,8 @@ _HELD: Final = RemarkKind(
 )
 _SAMPLED: Final = RemarkKind(
     "gain_of_samples",
-    "the linear loop of the gain is stable in samples of {0} s, as that of a gain of `dlqr`, and not with continuous "
-    "forces: the gain holds for that sample time",
+    "the linear loop of the gain {1} in samples of {0} s, as that of a gain of `dlqr`, and not with continuous forces: "
+    "the gain holds for that sample time",
 )
 
 
@@ -57,9 +59,9 @@ def gain_remarks(
     """Remarks on the loop of a gain K of `f_c = -K s`, shape (n_devices, 2n): whether other readings fit better.
 
     A gain that is `given` may follow another convention. The one that is meant has a stable loop; that of a regulator
-    with R in proportion to 1 has also a return difference `|1 + L|` of at least 1 at all frequencies, whatever
-    its weights (Kalman, J. Basic Eng. 86, 1964, 51-60), which other signs and orders seldom have. `margins` are those
-    of the loop with its hardware. Of 100 coordinates, or 400 coordinates times devices, and more there are none.
+    with R in proportion to 1 has also a return difference of at least 1 at all frequencies, in samples too, whatever
+    its weights, which other signs, orders and sample times seldom have. `margins` are those of the loop with its
+    hardware. Of 100 coordinates, or 400 coordinates times devices, and more there are none.
     """
     if plant.n_coordinates * max(plant.n_devices, 4) > _MOST or not (np.isfinite(gain).all() and gain.any()):
         return
@@ -67,8 +69,15 @@ def gain_remarks(
     is_sound = stable and _return_difference(plant, gain) > _NO_REGULATOR
     x, v = np.hsplit(gain @ plant.scaling, 2)
     is_swapped = is_sound and np.linalg.norm(x) < _HARDLY * np.linalg.norm(v)
+    of_samples = [
+        f"{time:g}"
+        for time in dict.fromkeys((sample_time, *_SAMPLE_TIMES) if given and not is_sound else ())
+        if _is_stable(plant, gain, time) and _return_difference(plant, gain, time) > _REGULATOR
+    ]
     if given and not stable and _is_stable(plant, gain, sample_time):
-        yield _SAMPLED.remark(f"{sample_time:g}")
+        yield _SAMPLED.remark(f"{sample_time:g}", "is stable")
+    elif f"{sample_time:g}" in of_samples:
+        yield _SAMPLED.remark(f"{sample_time:g}", "is that of a regulator")
     elif given and (is_swapped or not is_sound):
         others = {
             words: _return_difference(plant, K) > _REGULATOR
@@ -79,6 +88,7 @@ def gain_remarks(
         # Where our loop is not stable, that of the other sign is named in any case, and every one if none is sure.
         named = [] if stable else [_PUSHES] if any(others.values()) else [*others]
         fitting = [words for words, is_regulator in others.items() if is_regulator or words in named]
+        fitting += [f"K of `dlqr` in samples of {' or '.join(of_samples)} s"] if of_samples else []
         if fitting:
             words = ("is no regulator", "is one") if stable else ("has an unstable loop", "has a stable one")
             words = ("is a regulator of velocities alone", "is one of both") if is_swapped else words
@@ -126,18 +136,35 @@ def _is_stable(plant: Plant, gain: Floats, sample_time: float = 0.0) -> bool:
     return bool(growth < _ROUNDING)
 
 
-def _return_difference(plant: Plant, gain: Floats) -> float:
-    """Least singular value of `1 + K (j w - A)^-1 B` over the frequencies w."""
+def _return_difference(plant: Plant, gain: Floats, sample_time: float = 0.0) -> float:
+    """Least singular value of `1 + K (j w - A)^-1 B` over the frequencies w (Kalman, J. Basic Eng. 86, 1964, 51-60).
+
+    In samples [s], of `S^(1/2) (1 + K (z - F)^-1 G)` with S = 1 + G'P G over R, which is (1 - K F^-1 G)^-1 for a
+    regulator, where P G = F'^-1 K' S. Zero without such an S.
+    """
     T = plant.scaling
     poles, V = np.linalg.eig(np.linalg.solve(T, plant.A @ T))
-    pushed = np.linalg.pinv(V) @ np.linalg.solve(T, plant.B)
+    pushed, seen = np.linalg.pinv(V) @ np.linalg.solve(T, plant.B), gain @ T @ V
     size = np.abs(poles)
     upper = poles[poles.imag >= 0.0]
     about = upper.imag[:, None] + np.abs(upper.real)[:, None] * _ABOUT
     wide = np.geomspace(1e-2 * max(size.min(), 1e-3 * size.max()), 1e2 * size.max(), _FREQUENCIES)
     frequencies = np.unique(np.concatenate([wide, about.ravel()]))
+    points, one, root = 1j * frequencies, np.eye(len(gain)), np.eye(len(gain))
+    if sample_time:
+        points = np.exp(1j * np.linspace(0.0, np.pi, _FREQUENCIES))
+        points = np.append(points, np.exp(1j * sample_time * frequencies[frequencies < np.pi / sample_time]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            held = np.where(size > 0.0, np.expm1(poles * sample_time) / poles, sample_time)[:, None] * pushed
+        poles = np.exp(poles * sample_time)
+        left = (seen / poles @ held).real
+        values, vectors = np.linalg.eigh(one - symmetric(left))
+        unequal = np.linalg.norm(left - left.T) > _UNEQUAL * np.linalg.norm(left)
+        if unequal or values.min() <= 0.0 or values.max() > 1.0 + _ROUNDING:
+            return 0.0
+        pushed, root = held, values[:, None] ** -0.5 * vectors.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        L = ((gain @ T @ V) / (1j * frequencies[:, None, None] - poles)) @ pushed
+        L = (seen / (points[:, None, None] - poles)) @ pushed
     # At a pole without damping it is infinite.
     L = L[np.isfinite(L).all(axis=(1, 2))]
-    return float(np.linalg.svd(np.eye(len(gain)) + L, compute_uv=False)[:, -1].min(initial=np.inf))
+    return float(np.linalg.svd(root @ (one + L), compute_uv=False)[:, -1].min(initial=np.inf))

@@ -229,17 +229,12 @@ class RolloutSettings(LawSettings):
                 missing[0],
                 f"predictive_rollout has no {missing[0]}, and the problem no training motions to take it from; give it",
             )
-        peaks = None
+        base = commands_of(problem.devices, self.base or 0.0, "base")
+        drift, acceleration = self.drift, self.acceleration
         if missing and problem.reference_peaks is not None:
             peaks = problem.reference_peaks(self.model == "elastic")
-        base = commands_of(problem.devices, self.base or 0.0, "base")
-        if peaks is None:
-            return base, float(self.drift or 1.0), float(self.acceleration or 1.0)
-        if self.base is None:
-            # A limited problem has smaller largest commands than that under which the reference was found.
-            base = np.minimum(peaks.commands, [device.largest_command for device in problem.devices])
-        return (
-            base,
-            peaks.drift if self.drift is None else self.drift,
-            peaks.acceleration if self.acceleration is None else self.acceleration,
-        )
+            drift, acceleration = drift or peaks.drift, acceleration or peaks.acceleration
+            if self.base is None:
+                # A limited problem has smaller largest commands than that under which the reference was found.
+                base = np.minimum(peaks.commands, [device.largest_command for device in problem.devices])
+        return base, float(drift or 1.0), float(acceleration or 1.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import key, positive
-from mrwork.base.summary import Summarised, named
+from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.linear.plant import Plant
@@ -35,26 +34,6 @@ class SlidingSurface(Summarised):
     drift: Floats
     ground: Floats
     poles: NDArray[np.complex128]
-
-
-@array_dataclass()
-class SlidingGains:
-    """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
-
-    `switching` and `boundary` are rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`; `adaptation` gamma
-    [1/s^2] of the gain `rho' = gamma |sigma| sgn(|sigma| - phi)` within floor and ceiling [N] (Plestan et al., Int. J.
-    Control 83(9), 2010, 1907-1919). `proportional` and `integral` are k_1 [N/(N s)^0.5] and k_2 [N/s] of the
-    super-twisting `f_c = -drift s - k_1 |sigma|^0.5 sgn sigma + w, w' = -k_2 sgn sigma` (Levant, Int. J. Control 58(6),
-    1993, 1247-1263).
-    """
-
-    switching: Floats
-    boundary: Floats
-    adaptation: Floats
-    floor: Floats
-    ceiling: Floats
-    proportional: Floats
-    integral: Floats
 
 
 @checked
@@ -136,17 +115,26 @@ class _SurfaceSettings(LawSettings):
         span=Span(lower=10.0, upper=180.0),
     )
 
-    @abstractmethod
-    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
-        """The gains of the law on a surface, by their names."""
+    _gains: ClassVar[tuple[str, ...]]
+    # In the loop the force decreases sigma, hence the sign.
+    _side: ClassVar[float] = -1.0
 
     def design(self, problem: DesignProblem) -> Design:
         """The design of the law on the optimal surface of the building, which the problem keeps."""
         surface = problem._keep(optimal_surface, lambda: optimal_surface(problem.plant))
-        return Design(gains=self.of_surface(surface))
+        gains = self.gains(surface)
+        return Design(
+            gains={"surface": self._side * surface.S, **{name: gains[name] for name in self._gains}}
+        )
 
-    def gains(self, surface: SlidingSurface) -> SlidingGains:
-        """Gains that keep the state on a surface under ground motions of the peak.
+    def gains(self, surface: SlidingSurface) -> dict[str, Floats]:
+        """Gains by name that keep the state on a surface under ground motions of the peak, a number for each device.
+
+        `switching` and `boundary` are rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`, `adaptation` is
+        gamma [1/s^2] of the gain `rho' = gamma |sigma| sgn(|sigma| - phi)` within floor and ceiling [N] (Plestan et
+        al., Int. J. Control 83(9), 2010, 1907-1919), `root_gain` and `integral_gain` are k_1 [N/(N s)^0.5] and k_2
+        [N/s] of the super-twisting `f_c = -drift s - k_1 |sigma|^0.5 sgn sigma + w, w' = -k_2 sgn sigma` (Levant, Int.
+        J. Control 58(6), 1993, 1247-1263).
 
         The disturbance is d = ground a_g. Switching rejects it if rho > |d|: `rho = margin |ground| peak`. Inside the
         boundary layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control,
@@ -160,53 +148,37 @@ class _SurfaceSettings(LawSettings):
         switching = np.maximum(disturbance, 1e-3 * self.largest_force)
         boundary = switching / self.bandwidth
         slope = 2.0 * np.pi * self.frequency * switching
-        return SlidingGains(
-            switching=switching,
-            boundary=boundary,
-            adaptation=switching / (0.1 * 2.0 * boundary),
-            floor=0.01 * switching,
-            ceiling=np.maximum(self.largest_force, switching),
-            proportional=1.5 * np.sqrt(slope),
-            integral=1.1 * slope,
-        )
+        return {
+            "gain": surface.drift,
+            "switching": switching,
+            "boundary": boundary,
+            "adaptation": switching / (0.1 * 2.0 * boundary),
+            "floor": 0.01 * switching,
+            "ceiling": np.maximum(self.largest_force, switching),
+            "drift": surface.drift,
+            "push": np.ones(len(surface.S)),
+            "root_gain": 1.5 * np.sqrt(slope),
+            "integral_gain": 1.1 * slope,
+        }
 
 
 @checked
 class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
 
-    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
-        """The surface with its boundary layer, and the switching force."""
-        gains = self.gains(surface)
-        return {**_pushing_down(surface, gains), "switching": gains.switching}
+    _gains = ("gain", "boundary", "switching")
 
 
 @checked
 class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
 
-    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
-        """The surface with its boundary layer, and rate, floor and ceiling of the gain that adapts."""
-        gains = self.gains(surface)
-        return _pushing_down(surface, gains) | named(gains, "adaptation", "floor", "ceiling")
+    _gains = ("gain", "boundary", "adaptation", "floor", "ceiling")
 
 
 @checked
 class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""
 
-    def of_surface(self, surface: SlidingSurface) -> Mapping[str, Floats]:
-        """The surface, and the gains of the root and of the integral of sigma."""
-        gains = self.gains(surface)
-        return {
-            "surface": surface.S,
-            "drift": surface.drift,
-            "push": np.ones(len(surface.S)),
-            "root_gain": gains.proportional,
-            "integral_gain": gains.integral,
-        }
-
-
-def _pushing_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
-    # In the loop the force decreases sigma, hence the sign.
-    return {"gain": surface.drift, "surface": -surface.S, "boundary": gains.boundary}
+    _gains = ("drift", "push", "root_gain", "integral_gain")
+    _side = 1.0

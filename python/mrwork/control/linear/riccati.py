@@ -277,7 +277,15 @@ def _solve(stacks: dict[str, Floats], time: Time, threads: int) -> RiccatiSoluti
             f"the matrices have {', '.join(str(count) for count in sorted(counts))} rows; give the same number of "
             "each, or one that all rows share"
         )
-    _warn_of_time(stacks["state"].shape[-1])
+    n_states = stacks["state"].shape[-1]
+    seconds = _SECONDS * n_states**3
+    if n_states >= _MANY_STATES and seconds >= _LONG:
+        warnings.warn(
+            f"a Riccati equation of {n_states:,} states takes about {duration_in_words(seconds)}, and grows with their "
+            "cube; a building of fewer coordinates, as by `mr.buildings.modal_truncation`, takes less",
+            MrworkWarning,
+            stacklevel=2,
+        )
     try:
         gain, P, residual, status = _rust.riccati_equations(time, **stacks, threads=threads)
     except ValueError as error:
@@ -399,18 +407,6 @@ def mean_squares(rows: Floats, covariance: Floats) -> Floats:
 # time [s], it is announced.
 _SECONDS = 2e-7
 _MANY_STATES, _LONG = 250, 5.0
-
-
-def _warn_of_time(n_states: int) -> None:
-    """Warn of an equation of many states, with the time that it will take, about."""
-    seconds = _SECONDS * n_states**3
-    if n_states >= _MANY_STATES and seconds >= _LONG:
-        warnings.warn(
-            f"a Riccati equation of {n_states:,} states takes about {duration_in_words(seconds)}, and grows with their "
-            "cube; a building of fewer coordinates, as by `mr.buildings.modal_truncation`, takes less",
-            MrworkWarning,
-            stacklevel=2,
-        )
 
 
 def _columns(name: str, matrix: ArrayLike) -> int:

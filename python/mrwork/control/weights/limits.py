@@ -115,10 +115,6 @@ class LimitedOutputs:
         return stack_outputs(*outputs).select(self.names)
 
 
-def _drifts_without_strokes(plant: Plant) -> Outputs:
-    return drifts(plant).select([f"drift {name}" for name in plant.building.drift_names])
-
-
 def _forces(plant: Plant) -> Outputs:
     m = plant.n_devices
     return Outputs(
@@ -130,7 +126,11 @@ def _forces(plant: Plant) -> Outputs:
 
 
 _QUANTITIES: Mapping[str, tuple[str, str, Callable[[Plant], Outputs]]] = {
-    "rms_drift": ("m", "storey", _drifts_without_strokes),
+    "rms_drift": (
+        "m",
+        "storey",
+        lambda plant: drifts(plant).select([f"drift {name}" for name in plant.building.drift_names]),
+    ),
     "rms_acceleration": ("m/s2", "floor", accelerations),
     "rms_displacement": ("m", "floor", displacements),
     "rms_force": ("N", "device", _forces),
