@@ -118,7 +118,7 @@ class Prediction(Plotted, WithAxes, Summarised):
 
         It is infinite where the motion repeats, which is beyond the tests as a whole or not at all.
         """
-        if has_regular_cycles(self.test):
+        if self.n_cycles:
             return np.full(self.force.size, np.inf)
         ends = half_cycle_ends(self.test.displacement)
         between = np.searchsorted(ends[1:-1], np.arange(self.test.n_time), side="right")
