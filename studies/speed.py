@@ -3,7 +3,8 @@
 `speed.py SUBJECT` runs `speed_SUBJECT.py` once for each number of threads, in a process of its own on as many cores,
 since jax and numba size their thread pools when they are imported. Ratios count: seconds depend on the machine and its
 load. Each peer runs in the fastest settings that were found, results must agree before anything is timed, and compiling
-is not timed. The peers come with the extra `bench`. Minutes.
+is not timed. The peers come with the extra `bench`. Where `MRWORK_INSTRUCTION_SET` is avx2, peers are held to it too.
+Minutes.
 """
 
 import argparse
@@ -20,6 +21,10 @@ SUBJECTS = {  # with numbers of threads
     "identify": [1],
     "posterior": [1],
     "regulators": [1, 2],
+}
+# A processor without AVX-512; its name alone would leave numba the features of this machine, AVX-512 among them.
+PEERS_HELD = {
+    "avx2": {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "", "XLA_FLAGS": "--xla_cpu_max_isa=AVX2"}
 }
 POOLS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "RAYON_NUM_THREADS", "JAX_NUM_CPU_DEVICES")
 
@@ -42,7 +47,8 @@ for count in counts:
     script = Path(__file__).with_name(f"speed_{options.subject}.py")
     command = [sys.executable, script, "--threads", str(count), *others]
     command += ["--quick"] * options.quick + ["--json"] * options.json
-    environment = os.environ | dict.fromkeys(POOLS, str(count)) | {"JAX_PLATFORMS": "cpu"}
+    held = PEERS_HELD.get(os.environ.get("MRWORK_INSTRUCTION_SET", ""), {})
+    environment = held | os.environ | dict.fromkeys(POOLS, str(count)) | {"JAX_PLATFORMS": "cpu"}
     out = subprocess.PIPE if options.json else None
     if pinning:  # as the process that is started
         os.sched_setaffinity(0, cores[:count])

@@ -79,8 +79,8 @@ pub trait MotionNumber<R: Real>: Copy {
     fn splat(self) -> R;
     /// A multiple.
     fn times(self, factor: f64) -> Self;
-    /// `positive` where the sign bit is clear, `negative` where it is set.
-    fn by_sign(self, positive: R, negative: R) -> R;
+    /// A pair as it is where the sign bit is clear, exchanged where it is set.
+    fn exchanged(self, pair: &[R; 2]) -> [R; 2];
 }
 
 impl<R: Real> MotionNumber<R> for f64 {
@@ -93,8 +93,10 @@ impl<R: Real> MotionNumber<R> for f64 {
         self * factor
     }
     #[inline(always)]
-    fn by_sign(self, positive: R, negative: R) -> R {
-        if self.is_sign_negative() { negative } else { positive }
+    fn exchanged(self, pair: &[R; 2]) -> [R; 2] {
+        // By place, not by a branch, which would copy lanes between registers.
+        let negative = usize::from(self.is_sign_negative());
+        [pair[negative], pair[1 - negative]]
     }
 }
 

@@ -120,45 +120,50 @@ impl<R: Real> Hysteresis<R> {
         let second = middle.slope * v_middle.times(half).splat();
         let last = end.slope * v_end.times(half).splat();
         let whole = second + second;
-        let [s_1, s_2, s_3, s_4] =
-            if SHORT || (start.exponent.is_two() && middle.exponent.is_two() && end.exponent.is_two()) {
-                let s_1 = start.share(v_start, w, w * w);
-                let at = w + first * s_1;
-                let s_2 = middle.share(v_middle, at, at * at);
-                let at = second.mul_add(s_2, w);
-                let s_3 = middle.share(v_middle, at, at * at);
-                let at = whole.mul_add(s_3, w);
-                [s_1, s_2, s_3, end.share(v_end, at, at * at)]
-            } else {
-                // A loop: a power is much code.
-                let mut shares = [w; 4];
-                let mut at = w;
-                for (stage, entry) in shares.iter_mut().enumerate() {
-                    let (own, v) = match stage {
-                        0 => (start, v_start),
-                        3 => (end, v_end),
-                        _ => (middle, v_middle),
-                    };
-                    let share = own.share(v, at, powf(at.abs(), &own.exponent));
-                    *entry = share;
-                    at = match stage {
-                        0 => w + first * share,
-                        1 => second.mul_add(share, w),
-                        _ => whole.mul_add(share, w),
-                    };
+        let mut sum = w;
+        if SHORT || (start.exponent.is_two() && middle.exponent.is_two() && end.exponent.is_two()) {
+            sum = first * start.share(v_start, w, w * w);
+            let at = w + sum;
+            let s_2 = middle.share(v_middle, at, at * at);
+            let at = second.mul_add(s_2, w);
+            let s_3 = middle.share(v_middle, at, at * at);
+            let at = whole.mul_add(s_3, w);
+            sum = last.mul_add(end.share(v_end, at, at * at), whole.mul_add(s_2 + s_3, sum));
+        } else {
+            // A loop: a power is much code.
+            let (mut at, mut s_2) = (w, w);
+            for stage in 0..4 {
+                let (own, v) = match stage {
+                    0 => (start, v_start),
+                    3 => (end, v_end),
+                    _ => (middle, v_middle),
+                };
+                let share = own.share(v, at, powf(at.abs(), &own.exponent));
+                match stage {
+                    0 => {
+                        sum = first * share;
+                        at = w + sum;
+                    }
+                    1 => {
+                        s_2 = share;
+                        at = second.mul_add(share, w);
+                    }
+                    2 => {
+                        sum = whole.mul_add(s_2 + share, sum);
+                        at = whole.mul_add(share, w);
+                    }
+                    _ => sum = last.mul_add(share, sum),
                 }
-                shares
-            };
-        let sum = whole.mul_add(s_2 + s_3, first * s_1);
-        R::splat(1.0 / 3.0).mul_add(last.mul_add(s_4, sum), w)
+            }
+        }
+        R::splat(1.0 / 3.0).mul_add(sum, w)
     }
 
     /// 1 - |w|^n (reversible + dissipative sgn(w v)), the share of the initial slope.
     #[inline(always)]
     fn share<V: MotionNumber<R>>(&self, v: V, w: R, power: R) -> R {
-        let [loading, unloading] = self.rounding;
-        let rounding = w.by_sign(v.by_sign(loading, unloading), v.by_sign(unloading, loading));
-        (-power).mul_add(rounding, R::splat(1.0))
+        let [upwards, downwards] = v.exchanged(&self.rounding);
+        (-power).mul_add(w.by_sign(upwards, downwards), R::splat(1.0))
     }
 }
 

@@ -254,8 +254,13 @@ impl Real for Avx512 {
     fn by_sign(self, positive: Self, negative: Self) -> Self {
         // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe {
-            let mask = _mm512_movepi64_mask(_mm512_castpd_si512(self.0));
-            _mm512_mask_blend_pd(mask, positive.0, negative.0)
+            // Sign bits spread over their lanes stay in a vector: a mask register takes longer to reach.
+            let negative_lanes = _mm512_srai_epi64::<63>(_mm512_castpd_si512(self.0));
+            _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0xCA>(
+                negative_lanes,
+                _mm512_castpd_si512(negative.0),
+                _mm512_castpd_si512(positive.0),
+            ))
         })
     }
     #[inline(always)]

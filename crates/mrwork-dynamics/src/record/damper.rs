@@ -21,8 +21,8 @@ impl MotionNumber<Self> for T {
     fn times(self, factor: f64) -> Self {
         self * <Self as Real>::splat(factor)
     }
-    fn by_sign(self, positive: Self, negative: Self) -> Self {
-        Real::by_sign(self, positive, negative)
+    fn exchanged(self, &[first, second]: &[Self; 2]) -> [Self; 2] {
+        [self.by_sign(first, second), self.by_sign(second, first)]
     }
 }
 
