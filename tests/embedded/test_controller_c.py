@@ -20,8 +20,7 @@ from mrwork.control import ControlLaw, control_laws, plant_of
 from mrwork.embedded.c_source import CSource, Flavour
 from mrwork.embedded.controller_c import controller_source, readings_of_check
 
-NOT_PRINTED = ("predictive_rollout",)
-LAWS = [law.name for law in control_laws() if law.name not in NOT_PRINTED]
+LAWS = [law.name for law in control_laws()]
 OBSERVED = Hardware(feedback="observer", known_ground=True, command_rate=200.0)
 
 
@@ -141,11 +140,6 @@ def test_a_name_of_the_user_ends_no_comment(tmp_path: Path) -> None:
     source = controller_source("law", loop, law, places, Flavour(), unit="A", origin=(name,))
     files = {each: text for each, text in source.files.items() if "process" not in each}
     assert output_of(compiled(tmp_path, files)).startswith("0 of 2000")
-
-
-@pytest.mark.parametrize("name", NOT_PRINTED)
-def test_a_law_that_is_not_printed_is_refused_with_the_nearest(name: str) -> None:
-    refusal(loop_of, name, match=f"{name} is not printed as C.* the nearest is")
 
 
 def test_what_no_rig_has_is_refused() -> None:

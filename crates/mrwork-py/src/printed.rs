@@ -1,6 +1,7 @@
 //! Dampers and controllers printed as C.
 
 use mrwork_dynamics::closed_loop::{self, Batch, Run};
+use mrwork_dynamics::control::RolloutText;
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::DamperSpec;
 use mrwork_dynamics::error::DynamicsError;
@@ -12,7 +13,7 @@ use numpy::ndarray::Ix2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 
 use crate::arrays::{array_of, contiguous, shaped};
 use crate::closed_loop::{LoopHardware, Observer, groups_of};
@@ -147,6 +148,24 @@ pub fn law_text(py: Python<'_>, looped: PrintedLoop, single: bool) -> PyResult<B
     entry.set_item("furthest", text.furthest)?;
     entry.set_item("tables", text.tables)?;
     entry.set_item("calls", text.calls)?;
+    entry.set_item("rollout", text.rollout.map(|rollout| rollout_entry(py, rollout)).transpose()?)?;
+    Ok(entry)
+}
+
+/// The functions of a rollout, see `mrwork_dynamics::control::RolloutText`.
+fn rollout_entry(py: Python<'_>, text: RolloutText) -> PyResult<Bound<'_, PyDict>> {
+    let entry = PyDict::new(py);
+    entry.set_item("read", text.read)?;
+    entry.set_item("settle", text.settle)?;
+    entry.set_item("drives", text.drives)?;
+    entry.set_item("follow", text.follow)?;
+    entry.set_item("compare", text.compare)?;
+    entry.set_item("moves", text.moves)?;
+    entry.set_item("price", text.price)?;
+    entry.set_item("fixed", text.fixed)?;
+    entry.set_item("ranges", text.ranges)?;
+    entry.set_item("counts", text.counts.into_py_dict(py)?)?;
+    entry.set_item("numbers", text.numbers.into_py_dict(py)?)?;
     Ok(entry)
 }
 

@@ -18,11 +18,6 @@ from mrwork.control.linear.lqr import Observer
 from mrwork.dampers.simulation import core_refusals
 from mrwork.errors import SettingError
 
-# Laws whose formulas are loops that no list of operations holds, and what is nearest to each.
-_NOT_PRINTED = {
-    "predictive_rollout": "inverse_direct, or clipped_optimal",
-}
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PrintedLoop:
@@ -41,10 +36,6 @@ def printed_loop(
     building: Building, devices: Sequence[Device], law: ControlLaw, hardware: Hardware
 ) -> PrintedLoop:
     """The loop of a law with one set of gains; laws and hardware that cannot be printed are refused by name."""
-    if nearest := _NOT_PRINTED.get(law.name):
-        raise SettingError(
-            f"{law.name} is not printed as C, because its formula has loops; the nearest is {nearest}"
-        )
     if hardware.ground_preview > 0.0:
         raise SettingError("no sensor tells the ground ahead; leave ground_preview of the hardware out")
     if hardware.faults:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,8 @@ def controller_source(
         )
     read = {signal: count for signal, count in given.items() if signal in used}
     inputs = tuple(_inputs(read, places))
-    gains = tuple(_gains(law))
+    rollout = text["rollout"]
+    gains = tuple(_gains(law, without=rollout and rollout["fixed"]))
     n_all, kept = given["force"], text["kept"]
     sample_time = loop.hardware.sample_time
     head = [
@@ -73,7 +75,7 @@ def controller_source(
         "No watchdog is here: stop calling, and the last command stays. Send zero where samples do not come.",
     ]
     of_state = {"displacement", "velocity"} & read.keys()
-    notes = (_OF_STATE,) if of_state else ()
+    notes = (*([_OF_STATE] if of_state else []), *([_decision(rollout["counts"])] if rollout else []))
     head[2:2] = notes
     real = flavour.real
     words = {
@@ -104,13 +106,15 @@ def controller_source(
             f"static const {real} table_{number}[{len(table)}] = {{{', '.join(map(flavour.number, table))}}};"
             for number, table in enumerate(text["tables"])
         ),
-        "observer": "",
-        "estimate": "",
+        **dict.fromkeys(("observer", "estimate", "rollout", "plan", "plan_types"), ""),
         **flavour.preamble(calls=text["calls"]),
     }
     if observer is not None:
         words["observer"] = _observer(name, loop, n_all, given.get("drift", 0), flavour)
         words["estimate"] = "    estimate(m, &m->before);\n"
+    if rollout:
+        words |= _rollout(rollout, name, loop, n_all, flavour)
+        words["command"] = f"    plan(m, gains, in);\n{text['command']}"
     return CSource(
         name=name,
         kind="controller",
@@ -143,8 +147,10 @@ def _inputs(read: dict[str, int], places: dict[str, Sequence[str]]) -> Iterator[
             yield Signal(name=f"{signal}[{entry}]", unit=unit, description=words.format(entry + 1, **names))
 
 
-def _gains(law: ControlLaw) -> Iterator[Signal]:
+def _gains(law: ControlLaw, *, without: str | None) -> Iterator[Signal]:
     for gain in law.spec.gains:
+        if gain.name == without:
+            continue
         for entry, value in enumerate(np.ravel(np.asarray(law.gains[gain.name], dtype=np.float64)).tolist()):
             yield Signal(
                 name=f"{gain.name}[{entry}]", unit=gain.unit, description=gain.description, value=value
@@ -214,6 +220,59 @@ def _observer(name: str, loop: PrintedLoop, n_all: int, n_drifts: int, flavour: 
         expects=expects,
         moves=moves,
     )
+
+
+def _decision(counts: dict[str, int]) -> str:
+    """What a decision of a rollout computes within its sample."""
+    every, steps = counts["decision"], counts["n_trials"] * (counts["horizon_steps"] + 1)
+    return (
+        f"It decides {f'every {every} samples' if every > 1 else 'in every sample'}: its model then takes {steps} "
+        "steps before the command is sent. The horizon is fixed, since arrays are as long."
+    )
+
+
+def _rollout(
+    rollout: dict[str, Any], name: str, loop: PrintedLoop, n_all: int, flavour: Flavour
+) -> dict[str, str]:
+    """The plan of a rollout: its types, its place in the memory, and its functions."""
+    counts, real = rollout["counts"], flavour.real
+    sizes = {f"max_{size}": max(1, counts[key]) for size, key in (("loops", "n_loops"), ("order", "order"))}
+    ends = (
+        ("drives", f"{name}_memory *m, const {real} *command, const {real} share[3]", ("command", "share")),
+        (
+            "moves",
+            f"const {name}_memory *m, const {name}_moment *x, {name}_moment *next, const {real} *command,\n"
+            f"                   const {real} *ground, {real} *found",
+            ("m", "command"),
+        ),
+    )
+    functions = {
+        kind: "\n".join(
+            f"static void {kind[:-1]}_{number}({arguments})\n{{\n"
+            f"{''.join(f'    (void){each};{chr(10)}' for each in unused)}{text}}}\n"
+            for number, text in enumerate(rollout[kind])
+        )
+        for kind, arguments, unused in ends
+    }
+    words = {
+        **rollout,
+        **functions,
+        **counts,
+        **sizes,
+        **{key: flavour.number(value) for key, value in rollout["numbers"].items()},
+        **{
+            key: ", ".join(flavour.number(bounds[place]) for bounds in rollout["ranges"])
+            for place, key in enumerate(("smallest", "largest"))
+        },
+        "name": name,
+        "n_all": n_all,
+        "n_devices": loop.n_commanded,
+    }
+    return {
+        "rollout": flavour.fill("rollout.c", **words),
+        "plan_types": flavour.fill("rollout.h", **words),
+        "plan": f"    {name}_plan plan;\n",
+    }
 
 
 def _filled(read: dict[str, int], row: str, flavour: Flavour) -> str:

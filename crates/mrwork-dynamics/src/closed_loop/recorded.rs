@@ -2,9 +2,10 @@
 
 use super::batch::Batch;
 use super::sample::{Controller, Sample, known_state};
-use crate::control::Preview;
+use crate::control::{Gains, Measurement, Memory, Preview, Rollout, RolloutText};
 use crate::coupled::PlantMotion;
 use crate::lanes::Lanes;
+use crate::real::Real;
 use crate::record::{Formula, Precision, Term};
 
 /// A signal that a controller reads, with the number of its entries.
@@ -27,6 +28,8 @@ pub struct LawText {
     pub calls: bool,
     /// Its tables, `table_0`, `table_1`, ...
     pub tables: Vec<Vec<f64>>,
+    /// The functions of a rollout, which plan what the law keeps.
+    pub rollout: Option<RolloutText>,
 }
 
 /// What can be read: the state where no observer estimates it, then what sensors measure.
@@ -105,6 +108,13 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
     let mut formula = Formula::new(precision);
     let mut controller = Controller::<Term<false>>::new(batch, &[0], None);
     let furthest = controller.furthest.value().unwrap_or(f64::INFINITY);
+    let planner = match &mut controller.memory {
+        Memory::PredictiveRollout(rollout @ Rollout::Planned(_)) => {
+            let given = Rollout::Given(vec![Term::splat(f64::NAN); batch.n_commanded]);
+            Some(core::mem::replace(rollout, given))
+        }
+        _ => None,
+    };
     let mut kept = Vec::new();
     controller.memory.each(&mut |term| {
         kept.push(term.value().unwrap_or(f64::NAN));
@@ -126,10 +136,47 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
     let groups: Vec<Vec<Term<false>>> =
         signals.iter().map(|&(name, count)| formula.inputs(&format!("in->{name}"), count)).collect();
     sampled(batch, &mut controller, 1, &groups.concat(), false);
+    let rollout = if let Some(Rollout::Planned(mut planner)) = planner {
+        let (displacement, velocity) = match batch.observer {
+            Some(_) => controller.state.split_at(batch.building.n_coordinates()),
+            None => (&groups[0][..], &groups[1][..]),
+        };
+        let gains = Gains {
+            spec: batch.law.spec(),
+            columns: &controller.columns,
+            tables: batch.tables,
+            sizes: batch.sizes(),
+        };
+        let measured = Measurement {
+            displacement,
+            velocity,
+            deformation: &controller.deformation,
+            rate: &controller.rate,
+            force: &controller.force,
+            acceleration: &controller.acceleration,
+            drift: &controller.drift,
+            absolute: &batch.building.absolute,
+            has_sprung: &[],
+            device_floors: None,
+            ground_acceleration: controller.ground_acceleration,
+            ground_velocity: Term::splat(0.0),
+            preview: Preview { motions: &[], now: 0.0, reach: 0.0, step: 0.0 },
+            ground_reach: &[],
+            largest: &[],
+            curves: &[],
+            sample_time: batch.hardware.sample_time,
+            sent: &[],
+        };
+        Some(planner.recorded(&mut formula, &gains, &measured, batch.ranges))
+    } else {
+        None
+    };
     // The commands of the sample before stand in the first row.
     let place = (1 % controller.depth) * n_devices;
     let mut ends = controller.sent[place..place + n_devices].to_vec();
     controller.memory.each(&mut |term| ends.push(*term));
+    let mut used = ends.clone();
+    used.extend(rollout.iter().flat_map(|rollout| &rollout.ends));
     let lefts: Vec<String> = (0..n_devices)
         .map(|device| format!("m->sent[{device}]"))
         .chain((0..kept.len()).map(|place| format!("m->law[{place}]")))
@@ -137,11 +184,12 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
     let reads = signals
         .into_iter()
         .zip(&groups)
-        .filter(|(_, terms)| terms.iter().any(|&term| Formula::uses(term, &ends)))
+        .filter(|(_, terms)| terms.iter().any(|&term| Formula::uses(term, &used)))
         .map(|(signal, _)| signal)
         .collect();
     let (calls, tables) = (Formula::calls(), Formula::tables());
-    LawText { command: formula.assigned_at_once(&lefts, &ends), reads, kept, furthest, calls, tables }
+    let command = formula.assigned_at_once(&lefts, &ends);
+    LawText { command, reads, kept, furthest, calls, tables, rollout }
 }
 
 /// Names and numbers of entries of what [`commands_of`] is given, in order.

@@ -31,6 +31,8 @@ pub(crate) use law::Beginning;
 use law::{ControlLaw, Kept};
 pub use loop_model::LoopModel;
 pub(crate) use measurement::{Measurement, Preview, ground_reach};
+pub(crate) use predictive_rollout::Rollout;
+pub use rollout::RolloutText;
 pub(crate) use rollout::{Timing, plan, reads_accelerations};
 pub(crate) use spec::Gains;
 pub use spec::{GainSpec, LawSpec, LoopSizes, Shape, Unit};

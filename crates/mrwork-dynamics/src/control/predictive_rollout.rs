@@ -78,10 +78,10 @@ impl ControlLaw for PredictiveRollout {
         ..LawSpec::PLAIN
     };
 
-    type Memory<'a, R: Lanes> = Option<Box<Planner<'a, R>>>;
+    type Memory<'a, R: Lanes> = Rollout<'a, R>;
 
-    fn start<R: Lanes>(Beginning { plan, .. }: Beginning<'_, R>) -> Self::Memory<'_, R> {
-        plan
+    fn start<R: Lanes>(Beginning { plan, n_devices }: Beginning<'_, R>) -> Self::Memory<'_, R> {
+        plan.map_or_else(|| Rollout::Given(vec![R::splat(f64::NAN); n_devices]), Rollout::Planned)
     }
 
     #[inline(always)]
@@ -92,8 +92,8 @@ impl ControlLaw for PredictiveRollout {
         command: &mut [R],
     ) {
         match memory {
-            Some(plan) => plan.command(gains, measured, command),
-            None => command.fill(R::splat(f64::NAN)),
+            Rollout::Planned(plan) => plan.command(gains, measured, command),
+            Rollout::Given(given) => command.copy_from_slice(given),
         }
     }
 
@@ -157,7 +157,19 @@ impl ControlLaw for PredictiveRollout {
     }
 }
 
-/// What it keeps is not recorded.
-impl<R: Lanes> Kept<R> for Option<Box<Planner<'_, R>>> {
-    fn each(&mut self, _: &mut dyn FnMut(&mut R)) {}
+/// What a rollout keeps.
+pub(crate) enum Rollout<'a, R: Lanes> {
+    /// What plans its commands.
+    Planned(Box<Planner<'a, R>>),
+    /// Commands that others have planned, of a law under record; not numbers where derivatives are asked for.
+    Given(Vec<R>),
+}
+
+/// What a planner keeps has loops, and is no list of numbers.
+impl<R: Lanes> Kept<R> for Rollout<'_, R> {
+    fn each(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        if let Self::Given(given) = self {
+            given.iter_mut().for_each(visit);
+        }
+    }
 }

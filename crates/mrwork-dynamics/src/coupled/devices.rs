@@ -58,6 +58,14 @@ impl<R> Default for DeviceState<R> {
     }
 }
 
+impl<R> DeviceState<R> {
+    /// Visits each number.
+    pub(crate) fn each(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        self.current.iter_mut().chain(&mut self.states).for_each(&mut *visit);
+        self.groups.iter_mut().for_each(|group| group.each(visit));
+    }
+}
+
 /// Devices whose dampers are of one model, each of one damper or of two in opposition.
 pub(crate) struct DamperDevices<'a, M: DamperModel, R: Real> {
     laws: &'a CurrentLaws,

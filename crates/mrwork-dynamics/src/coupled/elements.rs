@@ -120,6 +120,14 @@ impl<'a, R: Lanes> Elements<'a, R> {
         own.per_strength = R::splat(1.0) / own.strength;
     }
 
+    /// Visits strength and inverse strength of each loop.
+    pub(super) fn each_strength(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        for own in &mut self.loops {
+            visit(&mut own.strength);
+            visit(&mut own.per_strength);
+        }
+    }
+
     /// State of a loop.
     #[inline(always)]
     pub(super) fn state(&self, element: usize) -> R {

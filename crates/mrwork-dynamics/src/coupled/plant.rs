@@ -147,6 +147,11 @@ impl<'a, R: Lanes> Plant<'a, R> {
         }
     }
 
+    /// Visits strength and inverse strength of each loop of an element.
+    pub(crate) fn each_strength(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        self.elements.each_strength(visit);
+    }
+
     pub(crate) fn building(&self) -> &'a Building {
         self.building
     }

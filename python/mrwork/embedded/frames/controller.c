@@ -34,7 +34,7 @@ MR_UNUSED static void believe(${name}_memory *m, const $real *read, $real *good,
     }
 }
 
-static void send(${name}_memory *m, const ${name}_parameters *gains, const ${name}_input *in)
+${rollout}static void send(${name}_memory *m, const ${name}_parameters *gains, const ${name}_input *in)
 {
     (void)gains;
     (void)in;

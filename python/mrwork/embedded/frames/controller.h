@@ -28,12 +28,12 @@ typedef struct {
 $limit_fields
 } ${name}_limits;
 
-/* What the controller keeps: one for each loop. */
+$plan_types/* What the controller keeps: one for each loop. */
 typedef struct {
     $real state[$n_estimated];  /* estimate of the observer */
     $real sent[$n_all];  /* commands of the sample before */
     $real law[$n_kept];  /* what the law keeps */
-    $real furthest;
+$plan    $real furthest;
     $real waiting[${macro}_QUEUE + 1][$n_all];
     int place;
     ${name}_input before;

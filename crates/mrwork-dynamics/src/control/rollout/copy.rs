@@ -15,7 +15,7 @@ const SMALLEST_WEIGHT: f64 = 1e-12;
 /// A stretch of time with one command, in steps of the model.
 #[derive(Clone, Copy)]
 pub(super) struct Stretch {
-    length: f64,
+    pub(super) length: f64,
     pub(super) steps: u32,
 }
 
@@ -33,12 +33,12 @@ impl Stretch {
 
 /// A copy of the dampers in the controller.
 pub(super) struct DamperCopy<'a, R: Lanes> {
-    devices: Box<dyn Devices<R> + 'a>,
+    pub(super) devices: Box<dyn Devices<R> + 'a>,
     /// Last readings that were numbers, and those before.
-    deformation: Vec<R>,
-    rate: Vec<R>,
-    deformation_before: Vec<R>,
-    rate_before: Vec<R>,
+    pub(super) deformation: Vec<R>,
+    pub(super) rate: Vec<R>,
+    pub(super) deformation_before: Vec<R>,
+    pub(super) rate_before: Vec<R>,
     /// Motion at a stage.
     elongation: Vec<R>,
     elongation_rate: Vec<R>,
@@ -46,13 +46,13 @@ pub(super) struct DamperCopy<'a, R: Lanes> {
     sent: Vec<R>,
     depth: usize,
     /// From a sample until a command arrives, and from there to the next sample.
-    before: Option<Stretch>,
-    after: Stretch,
+    pub(super) before: Option<Stretch>,
+    pub(super) after: Stretch,
     /// Mean squares of the measured force and of that of the model, with the weight of a sample, and what counts [N^2].
-    measured: Vec<R>,
-    expected: Vec<R>,
+    pub(super) measured: Vec<R>,
+    pub(super) expected: Vec<R>,
     weight: f64,
-    counted: R,
+    pub(super) counted: R,
 }
 
 impl<'a, R: Lanes> DamperCopy<'a, R> {
@@ -84,8 +84,7 @@ impl<'a, R: Lanes> DamperCopy<'a, R> {
             measured: zero.clone(),
             expected: zero,
             weight: (sample_time / time).min(1.0),
-            counted: R::splat(mass * mass)
-                / within(acceleration_weight, R::splat(SMALLEST_WEIGHT), R::splat(f64::MAX)),
+            counted: force_that_counts(mass, acceleration_weight),
         }
     }
 
@@ -101,22 +100,27 @@ impl<'a, R: Lanes> DamperCopy<'a, R> {
         self.devices.save(into);
     }
 
-    /// Takes the commands of the sample before `number`, and moves on to the present one.
+    /// Takes the readings of a sample.
     #[inline(always)]
-    pub(super) fn advance(&mut self, timing: &Timing, number: usize, measured: &Measurement<'_, R>) {
-        let n_devices = self.deformation.len();
+    pub(super) fn read(&mut self, measured: &Measurement<'_, R>) {
         self.deformation_before.copy_from_slice(&self.deformation);
         self.rate_before.copy_from_slice(&self.rate);
-        for device in 0..n_devices {
+        for device in 0..self.deformation.len() {
             self.deformation[device] = known_or(measured.deformation[device], self.deformation[device]);
             self.rate[device] = known_or(measured.rate[device], self.rate[device]);
         }
+    }
+
+    /// Takes the commands of the sample before `number`, and moves on to the present one, whose readings it has.
+    #[inline(always)]
+    pub(super) fn advance(&mut self, timing: &Timing, number: usize, sent: &[R]) {
+        let n_devices = self.deformation.len();
         let Some(last) = number.checked_sub(1) else { return };
         let place = (last % self.depth) * n_devices;
-        self.sent[place..place + n_devices].copy_from_slice(measured.sent);
+        self.sent[place..place + n_devices].copy_from_slice(sent);
         if last == 0 {
             // The coils have settled at the first command when the motion begins.
-            self.devices.receive(measured.sent, true);
+            self.devices.receive(sent, true);
         }
         let mut passed = 0.0;
         if let Some(before) = self.before {
@@ -138,20 +142,25 @@ impl<'a, R: Lanes> DamperCopy<'a, R> {
         self.devices.receive(&self.sent[place..place + n_devices], false);
         for number in 0..stretch.steps {
             let start = passed + step * f64::from(number);
-            self.evaluate(start / whole, END);
-            self.devices.advance_drivers();
-            for stage in stages(step) {
-                self.devices.advance(stage.weight, stage.reach);
-                self.evaluate((start + stage.reach) / whole, stage.moment);
-            }
-            self.devices.advance(step / 6.0, 0.0);
+            self.step(step, [0.0, 0.5 * step, step].map(|reach| R::splat((start + reach) / whole)));
         }
+    }
+
+    /// A step, at whose start, middle and end these are the shares of the way.
+    #[inline(always)]
+    pub(super) fn step(&mut self, step: f64, [start, middle, end]: [R; 3]) {
+        self.evaluate(start, END);
+        self.devices.advance_drivers();
+        for stage in stages(step) {
+            self.devices.advance(stage.weight, stage.reach);
+            self.evaluate(if stage.moment == END { end } else { middle }, stage.moment);
+        }
+        self.devices.advance(step / 6.0, 0.0);
     }
 
     /// Evaluates the dampers at a share of the way from the readings before to the last.
     #[inline(always)]
-    fn evaluate(&mut self, share: f64, moment: usize) {
-        let share = R::splat(share);
+    fn evaluate(&mut self, share: R, moment: usize) {
         for device in 0..self.elongation.len() {
             let (x, v) = (self.deformation_before[device], self.rate_before[device]);
             self.elongation[device] = (self.deformation[device] - x).mul_add(share, x);
@@ -182,6 +191,12 @@ impl<'a, R: Lanes> DamperCopy<'a, R> {
             *factor = within(free, R::splat(FACTORS[0]), R::splat(FACTORS[1]));
         }
     }
+}
+
+/// Square of the inertia force of a mass at the reference acceleration [N^2].
+#[inline(always)]
+pub(super) fn force_that_counts<R: Real>(mass: f64, acceleration_weight: R) -> R {
+    R::splat(mass * mass) / within(acceleration_weight, R::splat(SMALLEST_WEIGHT), R::splat(f64::MAX))
 }
 
 /// `value`, or `otherwise` where it is not a number.

@@ -9,10 +9,10 @@ const MOST_GROWTH: f64 = 1e6;
 
 /// `a(k+1) = sum_m w_m a(k+1-m)`, m from 1 to the order.
 pub(super) struct Forecast<R> {
-    order: usize,
-    forgetting: f64,
+    pub(super) order: usize,
+    pub(super) forgetting: f64,
     /// Trace beyond which nothing is forgotten.
-    largest_trace: f64,
+    pub(super) largest_trace: f64,
     /// Last readings, newest first.
     readings: Vec<R>,
     weights: Vec<R>,

@@ -7,6 +7,7 @@ mod prediction;
 mod storeys;
 mod timing;
 
+pub use planner::recorded::RolloutText;
 pub(super) use planner::{LEVELS, OTHER_TAILS};
 pub(crate) use planner::{Planner, plan};
 pub(crate) use storeys::reads_accelerations;

@@ -1,5 +1,7 @@
 //! The decisions of a rollout, and what it keeps from sample to sample.
 
+pub(super) mod recorded;
+
 use super::copy::{DamperCopy, Stretch};
 use super::forecast::Forecast;
 use super::prediction::{Moment, Prediction, devices};
@@ -211,6 +213,15 @@ impl<R: Lanes> OutOfLine for Decide<'_, '_, R> {
     }
 }
 
+/// What a prediction has found to its horizon: sums and largest squares, twice the energy and the square of what is left
+/// of drifts there.
+struct Costs<R> {
+    sums: [R; 2],
+    peaks: [R; 2],
+    energy: R,
+    left: R,
+}
+
 /// Squares of drifts and absolute accelerations at an instant: sum and largest of each.
 #[derive(Clone, Copy)]
 struct Squares<R> {
@@ -236,10 +247,39 @@ fn squares<R: Real>(building: &Building, displacement: &[R], absolute: impl Fn(u
     found
 }
 
+/// The same of the model, as evaluated last under this ground acceleration.
+#[inline(always)]
+fn squares_of<R: Lanes>(prediction: &Prediction<'_, R>, ground: R) -> Squares<R> {
+    let (building, acceleration) = (prediction.building(), prediction.acceleration());
+    squares(building, prediction.displacement(), |floor| building.floors.add_dot(floor, acceleration, ground))
+}
+
 impl<R: Lanes> Planner<'_, R> {
     /// Takes the readings of a sample into the memory; returns zero, or not a number where a reading is not finite.
     #[inline(always)]
     fn observe(&mut self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, decides: bool) -> R {
+        let doubt = self.read(measured);
+        let known = doubt.equal(doubt);
+        self.copy.advance(&self.timing, self.number, measured.sent);
+        let first = self.number == 0;
+        self.storeys.follow(&mut self.prediction, measured.displacement, known, first);
+        self.compare(gains, measured, known, decides);
+        if decides {
+            self.forecast.learn(measured.ground_acceleration, self.strongest);
+            self.forecast.predict(self.strongest, self.timing.hold, &measured.preview);
+        }
+        doubt
+    }
+
+    /// The acceleration of the ground, where it is measured.
+    #[inline(always)]
+    fn shaking(&self, measured: &Measurement<'_, R>) -> R {
+        if self.forecast.measures() { measured.ground_acceleration } else { R::splat(0.0) }
+    }
+
+    /// Takes the readings of the dampers; returns zero, or not a number where a reading is not finite.
+    #[inline(always)]
+    fn read(&mut self, measured: &Measurement<'_, R>) -> R {
         let zero = R::splat(0.0);
         let mut doubt = zero;
         for signal in
@@ -254,36 +294,38 @@ impl<R: Lanes> Planner<'_, R> {
                 doubt = value.mul_add(zero, doubt);
             }
         }
-        let mut ground = zero;
         if self.forecast.measures() {
-            ground = measured.ground_acceleration;
+            let ground = self.shaking(measured);
             doubt = ground.mul_add(zero, doubt);
             self.strongest = ground.abs().max(self.strongest);
         }
-        let known = doubt.equal(doubt);
-        self.copy.advance(&self.timing, self.number, measured);
+        self.copy.read(measured);
+        doubt
+    }
+
+    /// Compares the measured forces and accelerations with those of the model, and keeps the peaks.
+    #[inline(always)]
+    fn compare(
+        &mut self,
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        known: R::Mask,
+        decides: bool,
+    ) {
+        let ground = self.shaking(measured);
         let factors = decides.then(|| self.prediction.scale());
         self.copy.compare(measured, gains.of_loop(FORCE_CORRECTION), factors);
         let Measurement { displacement, velocity, force, acceleration, .. } = *measured;
-        let building = self.prediction.building();
-        let first = self.number == 0;
-        self.storeys.follow(&mut self.prediction, displacement, known, first);
         self.prediction.accelerate([displacement, velocity, &self.storeys.loops], force, &ground);
-        let found = self.prediction.acceleration();
         let now = if self.storeys.measured {
-            squares(building, displacement, |floor| acceleration[floor])
+            squares(self.prediction.building(), displacement, |floor| acceleration[floor])
         } else {
-            squares(building, displacement, |floor| building.floors.add_dot(floor, found, ground))
+            squares_of(&self.prediction, ground)
         };
         for (peak, largest) in self.peaks.iter_mut().zip(now.largest) {
-            *peak = R::select(known, largest, zero).max(*peak);
+            *peak = R::select(known, largest, R::splat(0.0)).max(*peak);
         }
         self.storeys.compare(&mut self.prediction, acceleration, ground, known, decides);
-        if decides {
-            self.forecast.learn(measured.ground_acceleration, self.strongest);
-            self.forecast.predict(self.strongest, self.timing.hold, &measured.preview);
-        }
-        doubt
     }
 
     /// Predicts the motion at the instant when the command will act, with the commands that are on their way.
@@ -361,10 +403,7 @@ impl<R: Lanes> Planner<'_, R> {
             let held = if step + 1 < timing.steps as usize { tried } else { tail };
             prediction.evaluate(held, &end);
             let number = R::splat(count(step + 1));
-            let (building, acceleration) = (prediction.building(), prediction.acceleration());
-            let now = squares(building, prediction.displacement(), |floor| {
-                building.floors.add_dot(floor, acceleration, end)
-            });
+            let now = squares_of(prediction, end);
             // Lanes whose horizon has ended wait for the others.
             let over = self.steps.less(number);
             for kind in 0..sums.len() {
@@ -377,9 +416,14 @@ impl<R: Lanes> Planner<'_, R> {
                 left = R::select(ends, prediction.left_squared(), left);
             }
         }
+        self.sum(gains, Costs { sums, peaks, energy, left })
+    }
+
+    /// The cost of what a prediction has found.
+    #[inline(always)]
+    fn sum(&self, gains: &Gains<'_, R>, Costs { sums, peaks, energy, left }: Costs<R>) -> R {
         let weights = [gains.of_loop(DRIFT_WEIGHT), gains.of_loop(ACCELERATION_WEIGHT)];
-        let mut mean = zero;
-        let mut peak = zero;
+        let [mut mean, mut peak] = [R::splat(0.0); 2];
         for kind in 0..weights.len() {
             mean = sums[kind].mul_add(weights[kind], mean);
             peak = peaks[kind].mul_add(weights[kind], peak);

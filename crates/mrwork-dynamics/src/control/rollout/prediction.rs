@@ -67,9 +67,15 @@ impl<'a, R: Lanes> Prediction<'a, R> {
         self.0.plant.accelerate(force, ground);
     }
 
+    /// Visits strength and inverse strength of each loop.
+    pub(super) fn each_strength(&mut self, visit: &mut dyn FnMut(&mut R)) {
+        self.0.plant.each_strength(visit);
+    }
+
     /// Goes on with what the last accelerations miss of measured ones.
     #[inline(always)]
     pub(super) fn offset(&mut self, missed: &[R]) {
+        self.0.plant.offset.clear();
         self.0.plant.offset.extend_from_slice(missed);
     }
 

@@ -15,18 +15,18 @@ pub(super) struct Storeys<R> {
     /// Whether the accelerations of the floors are measured.
     pub(super) measured: bool,
     /// Whether what the model misses of them goes into the trials.
-    offsets: bool,
+    pub(super) offsets: bool,
     /// Rate at which the yield drifts are adapted [1/s], and their least and largest factor.
-    adaptation: f64,
+    pub(super) adaptation: f64,
     limits: [R; 2],
     sample_time: f64,
     /// Loops of the elements at the last sample.
     pub(super) loops: Vec<R>,
     /// Displacements there, and how the coordinates have moved since [m].
-    displacement: Vec<R>,
+    pub(super) displacement: Vec<R>,
     change: Vec<R>,
     /// Accelerations that the model misses [m/s2], and what each storey resists beyond it [N].
-    missed: Vec<R>,
+    pub(super) missed: Vec<R>,
     shears: Vec<R>,
 }
 
