@@ -10,7 +10,7 @@ import pytest
 from loop_samples import devices, five_storeys, rd1005, sweep
 
 from mrwork.closed_loop import criteria, simulate_loop
-from mrwork.closed_loop.evaluation import SCORE, Scales, ratio, score, values
+from mrwork.closed_loop.evaluation import SCORE, Scales, ratio, values
 from mrwork.closed_loop.responses import history_signals, run_quantities
 from mrwork.control import ControlLaw
 
@@ -78,14 +78,6 @@ def test_a_building_without_devices_has_no_device_force() -> None:
     found = values(responses(2, n_devices=0), Scales(weight=10.0))
     assert found["peak_force"].tolist() == [0.0, 0.0]
     assert np.isnan(ratio(found["peak_force"], found["peak_force"])).all()
-
-
-def test_the_score_of_i_zero_is_one_and_halves_with_its_criteria() -> None:
-    passive = [values(responses(1), Scales(weight=1.0)), values(responses(1), Scales(weight=1.0))]
-    halved = [{name: value / 2.0 for name, value in each.items()} for each in passive]
-    for of_run, at_zero, expected in ((passive, passive, 1.0), (halved, passive, 0.5)):
-        ratios = {name: ratio(of_run[0][name], at_zero[0][name]) for name in SCORE}
-        assert score(ratios) == pytest.approx(expected, rel=1e-15)
 
 
 def test_names_are_unique_and_labels_name_their_paper() -> None:
