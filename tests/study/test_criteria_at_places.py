@@ -158,6 +158,19 @@ def test_the_score_is_the_mean_of_the_criteria_that_the_study_states(tmp_path: P
     assert "score_of_worst_place" not in {remark.code for remark in results.remarks}
 
 
+def test_references_of_laws_are_the_best_constant_command_by_the_score(tmp_path: Path) -> None:
+    rollout = '[[controller]]\nlaw = "predictive_rollout"\n'
+    score = '[report]\nscore = ["weighted_acceleration@body"]\n'
+    bases = [
+        next(
+            law.gains["base"] for _, law in study(tmp_path, *tables).laws if law.name == "predictive_rollout"
+        )
+        for tables in ((rollout,), (rollout, score))
+    ]
+    assert bases[0] > 0.5
+    assert bases[1] == 0.0
+
+
 def test_a_road_without_a_score_is_told_and_another_score_is_another_study(tmp_path: Path) -> None:
     plain = study(tmp_path)
     (remark,) = (each for each in plain.remarks if each.code == "score_of_worst_place")

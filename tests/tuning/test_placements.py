@@ -82,6 +82,18 @@ def test_scores_are_those_of_a_study_with_the_dampers_there(results: TuningResul
     assert score([1, 2]) == pytest.approx(best.test, rel=1e-9)
 
 
+def test_placements_are_compared_by_the_score_of_the_study(tmp_path: Path) -> None:
+    places = "[places]\nstoreys = [1, 3]\neach = 1"
+    score = '[report]\nscore = ["rms_drift@storey 2"]\n'
+    best = tune(study_with(tmp_path, places, more=score), threads=1).places[0]
+    dampers = DAMPER.replace("storey 1", *best.storeys)
+    law = f'[[controller]]\nlaw = "passive"\nsettings = {{ command = {best.command!r} }}\n'
+    runs = mr.run_study(study_with(tmp_path, "", dampers=dampers, more=law))
+    (row,) = (number for number, each in enumerate(runs.rows) if each.description == "passive")
+    drift = runs.quantities.numbers["rms_drift"][:, 0, 0, 1]
+    assert drift[row] / drift[0] == pytest.approx(best.train, rel=1e-9)
+
+
 @pytest.mark.long
 def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path: Path) -> None:
     study = study_with(

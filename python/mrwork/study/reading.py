@@ -29,7 +29,7 @@ from mrwork.buildings.device import Device
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.groups import commanded, refuse_rate
 from mrwork.buildings.yielding import elastic_frame
-from mrwork.closed_loop.evaluation import Scales, criterion
+from mrwork.closed_loop.evaluation import Scales, criterion, on_request
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.process_law import ProcessLaw
@@ -246,7 +246,15 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
 
         row, of = Row(label=PASSIVE_OFF, kind="passive_off"), elastic_frame(building) if elastic else building
         at_zero = Arrangement(row=row, bare=bare, building=of, devices=devices, law=None)
-        return trials.reference_peaks(LoopCase(arrangement=at_zero, motions=chosen_on, hardware=hardware))
+        scored = table.report.score
+        case = LoopCase(
+            arrangement=at_zero,
+            motions=chosen_on,
+            hardware=hardware,
+            asked=on_request(scored),
+            scored=scored,
+        )
+        return trials.reference_peaks(case)
 
     driven = commanded(devices)
 

@@ -101,7 +101,14 @@ def compare_places(
     one, _ = chosen_damper(first, study.origin.folder, study.origin.identified)
     testing = [motion.ground for motion in study.motions if motion.use == "test"]
     motions = [*study.chosen_on, *(testing if len(testing) < len(study.motions) else [])]
-    bare = LoopCase(arrangement=study.arrangements[0], motions=motions, hardware=hardware, threads=threads)
+    bare = LoopCase(
+        arrangement=study.arrangements[0],
+        motions=motions,
+        hardware=hardware,
+        threads=threads,
+        asked=study.asked,
+        scored=study.scored,
+    )
     of_bare = bare.criteria()
 
     def best_of(placed: Placed) -> Placement:
