@@ -13,9 +13,9 @@ use crate::settings::Settings;
 use crate::threads::thread_count;
 
 /// Fewest steps per thread: below, starting another thread costs more than it saves.
-const STEPS_PER_THREAD: u64 = 72_000;
+const STEPS_PER_THREAD: u64 = 36_000;
 /// Short steps that take as long as one of the others.
-const SHORT_STEPS: u64 = 5;
+const SHORT_STEPS: u64 = 6;
 /// Fewest steps per thread and span: below, regrouping the remaining candidates costs more than it saves.
 const STEPS_PER_SPAN: u64 = 20_000;
 /// Most spans of a record.
