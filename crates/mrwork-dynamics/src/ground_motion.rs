@@ -86,7 +86,7 @@ impl GroundMotion {
 
     /// Acceleration at a time [m/s^2]; zero after the end.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn acceleration(&self, time: f64) -> f64 {
         at(&self.acceleration, self.place(time))
     }
@@ -137,7 +137,7 @@ impl GroundMotion {
     }
 
     /// Where a time is among the samples.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn place(&self, time: f64) -> Place {
         let position = time / self.dt;
         let last = self.acceleration.len() - 1;
@@ -153,7 +153,7 @@ impl GroundMotion {
 }
 
 /// A history at a place; zero after its end.
-#[inline]
+#[inline(always)]
 fn at(samples: &[f64], place: Place) -> f64 {
     match place {
         Place::After { is_last: true } => samples[samples.len() - 1],
@@ -162,7 +162,7 @@ fn at(samples: &[f64], place: Place) -> f64 {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn between(samples: &[f64], index: usize, fraction: f64) -> f64 {
     let (start, end) = (samples[index], samples[index + 1]);
     fraction.mul_add(end - start, start)

@@ -13,7 +13,7 @@ use crate::dual::Dual;
 use crate::dual_block::TANGENTS;
 use crate::error::DynamicsError;
 use crate::ground_motion::{GroundMotion, Place};
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, MOST_LANES};
 use crate::real::{Bits, OutOfLine};
 use crate::threads::StopRequested;
 
@@ -189,13 +189,28 @@ impl<'a> Ground<'a> {
     }
 
     /// At a stage of a step, in half steps after its start.
+    ///
+    /// In a loop: a closure is compiled without the instructions of the set, and this is asked twice in a step.
     #[inline(always)]
     fn stage<R: Lanes>(&self, number: usize, stage: usize) -> R {
-        self.lanes(|lane| match self.stages[lane] {
+        let now = time(2 * number + stage, 0.5 * self.step);
+        if self.uniform {
+            return R::splat(self.at_stage(0, now, number, stage));
+        }
+        let mut values = [0.0; MOST_LANES];
+        for (lane, value) in values.iter_mut().enumerate().take(self.motions.len()) {
+            *value = self.at_stage(lane, now, number, stage);
+        }
+        let last = self.motions.len() - 1;
+        R::from_fn(|lane| values[lane.min(last)])
+    }
+
+    #[inline(always)]
+    fn at_stage(&self, lane: usize, now: f64, number: usize, stage: usize) -> f64 {
+        match self.stages[lane] {
             Some(stages) => stages[number][stage],
-            None if stage == 1 => self.motions[lane].acceleration(time(2 * number + 1, 0.5 * self.step)),
-            None => self.motions[lane].acceleration(time(number + stage / 2, self.step)),
-        })
+            None => self.motions[lane].acceleration(now),
+        }
     }
 
     /// As the sensor takes it.

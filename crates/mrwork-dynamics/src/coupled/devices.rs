@@ -168,8 +168,8 @@ impl<M: DamperModel, R: Lanes> Devices<R> for DamperDevices<'_, M, R> {
     }
 
     fn receive(&mut self, commands: &[R], at_once: bool) -> bool {
-        let jumps = at_once || !self.lagged;
-        R::out_of_line(ReceiveCommands { dampers: self, commands, jumps });
+        let mut jumps = at_once;
+        R::out_of_line(ReceiveCommands { dampers: self, commands, jumps: &mut jumps });
         jumps
     }
 
@@ -281,7 +281,7 @@ impl<R: Lanes> OutOfLine for SetDecay<'_, R> {
 struct ReceiveCommands<'a, 'b, M: DamperModel, R: Real> {
     dampers: &'a mut DamperDevices<'b, M, R>,
     commands: &'a [R],
-    jumps: bool,
+    jumps: &'a mut bool,
 }
 
 impl<M: DamperModel, R: Lanes> OutOfLine for ReceiveCommands<'_, '_, M, R> {
@@ -289,9 +289,13 @@ impl<M: DamperModel, R: Lanes> OutOfLine for ReceiveCommands<'_, '_, M, R> {
     #[inline(always)]
     fn run(self) {
         let Self { dampers, commands, jumps } = self;
+        let at_once = *jumps;
         for (device, &command) in commands.iter().enumerate() {
             dampers.devices[device].command = command;
-            if jumps {
+            // A current that stays leaves the parameters as they are, but not their derivatives.
+            let stays = !R::HAS_DERIVATIVES && R::all(command.equal(dampers.current[device]));
+            if at_once || !(dampers.lagged || stays) {
+                *jumps = true;
                 dampers.current[device] = command;
                 if dampers.follows {
                     dampers.follow(device, END);
