@@ -229,7 +229,7 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
     /// Where the vectors outnumber the registers, in three parts, each for one vector after the other: what a part of one
     /// vector needs stays in registers, and the parts of the next vectors hide its latency.
     #[inline(always)]
-    fn general_power(mut self, n: Self) -> Self {
+    fn general_power(self, n: Self) -> Self {
         if const { GROUPS <= 2 || !V::FEW_REGISTERS } {
             return power_and_logarithm(self, n).0;
         }
@@ -246,10 +246,11 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
         }
         let mut g = 0;
         while g < GROUPS {
-            self.0[g] = power_of_two(exponents[g]);
+            // In place: what is overwritten here is not set up before.
+            exponents[g].f = power_of_two(exponents[g]);
             g += 1;
         }
-        self
+        Self(each_group!(g => exponents[g].f, from self.0))
     }
 }
 

@@ -111,18 +111,19 @@ pub struct Pairs {
     pub first: [f64; 16],
     /// The second of each pair.
     pub second: [f64; 16],
-    /// Both.
-    pub side_by_side: [[f64; 2]; 16],
+    /// Both, one pair after the other.
+    pub side_by_side: [f64; 32],
 }
 
 impl Pairs {
     /// The pairs of two tables.
     #[must_use]
     pub const fn of(first: [f64; 16], second: [f64; 16]) -> Self {
-        let mut side_by_side = [[0.0; 2]; 16];
+        let mut side_by_side = [0.0; 32];
         let mut entry = 0;
         while entry < 16 {
-            side_by_side[entry] = [first[entry], second[entry]];
+            side_by_side[2 * entry] = first[entry];
+            side_by_side[2 * entry + 1] = second[entry];
             entry += 1;
         }
         Self { first, second, side_by_side }
@@ -220,7 +221,8 @@ impl Bits for f64 {
     }
     #[inline(always)]
     fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
-        pairs.side_by_side[(self.to_bits() & 15) as usize].into()
+        let entry = 2 * (self.to_bits() & 15) as usize;
+        (pairs.side_by_side[entry], pairs.side_by_side[entry + 1])
     }
     #[inline(always)]
     fn half_of_two_to(k: Self) -> Self {

@@ -436,12 +436,13 @@ impl Real for Avx2 {
 }
 
 impl Avx2 {
-    /// The low four bits of each lane.
+    /// The low four bits of each lane, times two to `TIMES`.
     #[inline(always)]
-    fn indices(self) -> [usize; 4] {
+    fn indices<const TIMES: i32>(self) -> [usize; 4] {
         // SAFETY: the processor has the features of `Avx2`.
         let [a, b, c, d] = unsafe {
-            let index = _mm256_and_si256(_mm256_castpd_si256(self.0), _mm256_set1_epi64x(15));
+            let bits = _mm256_slli_epi64::<TIMES>(_mm256_castpd_si256(self.0));
+            let index = _mm256_and_si256(bits, _mm256_set1_epi64x(15 << TIMES));
             let (low, high) = (_mm256_castsi256_si128(index), _mm256_extracti128_si256::<1>(index));
             [
                 _mm_cvtsi128_si64(low).cast_unsigned(),
@@ -451,7 +452,7 @@ impl Avx2 {
             ]
         };
         // Masked once more for the bounds, which costs nothing: the compiler knows the bits.
-        [(a & 15) as usize, (b & 15) as usize, (c & 15) as usize, (d & 15) as usize]
+        [(a & 31) as usize, (b & 31) as usize, (c & 31) as usize, (d & 31) as usize]
     }
 }
 
@@ -482,17 +483,18 @@ impl Bits for Avx2 {
     // By a load for each lane: a gather takes longer on processors of both makers.
     #[inline(always)]
     fn entry_of(self, table: &'static [f64; 16]) -> Self {
-        let [a, b, c, d] = self.indices();
+        let [a, b, c, d] = self.indices::<0>();
         // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_set_pd(table[d], table[c], table[b], table[a]) })
     }
     #[inline(always)]
     fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
-        let ([a, b, c, d], pairs) = (self.indices(), &pairs.side_by_side);
-        // SAFETY: the processor has the features of `Avx2`; each load, of any alignment, is of the two numbers of a pair.
+        let ([a, b, c, d], pairs) = (self.indices::<1>(), pairs.side_by_side.as_ptr());
+        // SAFETY: the processor has the features of `Avx2`; each load, of any alignment, is of the two numbers of a pair, whose
+        // place is at most twice 15.
         unsafe {
-            let [a, b] = [_mm_loadu_pd(pairs[a].as_ptr()), _mm_loadu_pd(pairs[b].as_ptr())];
-            let [c, d] = [_mm_loadu_pd(pairs[c].as_ptr()), _mm_loadu_pd(pairs[d].as_ptr())];
+            let [a, b] = [_mm_loadu_pd(pairs.add(a)), _mm_loadu_pd(pairs.add(b))];
+            let [c, d] = [_mm_loadu_pd(pairs.add(c)), _mm_loadu_pd(pairs.add(d))];
             let even = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(a), c);
             let odd = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(b), d);
             (Self(_mm256_unpacklo_pd(even, odd)), Self(_mm256_unpackhi_pd(even, odd)))
