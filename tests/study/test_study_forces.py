@@ -307,6 +307,10 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         ('force = "bare.csv"\nunit = "N"', "no column is time; give its step"),
         ('force = "wind.csv"\ndt = 0.02', "leave `dt` out"),
         ('force = "two.csv"', "column 'roof' does not state the unit of its forces"),
+        (
+            'file = "swing.csv"\nforce = "two.csv"\nunit = "kN"',
+            "write it in the head, as 'roof \\(kN\\)'",
+        ),
         ('force = "shaker.csv"\nfloor = 3\nunit = "N"', "where every column states its own"),
         ('force = "shaker.csv"\nfloor = 3\nunit = "g"', "'g'"),
         ('force = "pressed.csv"\nunit = "kN"', "'roof \\(kPa\\)': 'kPa' is no unit of force"),
