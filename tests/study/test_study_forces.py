@@ -270,6 +270,16 @@ def test_a_grid_that_loses_the_gusts_is_told(folder: Path) -> None:
     study(folder, 'force = "wind.csv"\nresample = 0.04')
 
 
+def test_a_record_beside_a_wind_is_no_copy_of_it_without(folder: Path) -> None:
+    swing = 'file = "swing.csv"\n'
+    windy = f'{swing}name = "windy"\nforce = "wind.csv"\n'
+    again = windy.replace("windy", "again")
+    made = study(folder, f"{swing}[[motion]]\n{windy}[[motion]]\n{again}")
+    assert [remark.words for remark in made.remarks if remark.code == "records_copied"] == [
+        ("windy", "again")
+    ]
+
+
 def test_two_winds_of_one_mean_are_no_copies_and_one_with_another_factor_is() -> None:
     rng = np.random.default_rng(5)
     one, other = (force_motion(5e3 + 5e2 * rng.standard_normal((3, 200)), 0.02) for _ in range(2))
