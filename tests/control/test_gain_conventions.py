@@ -79,6 +79,22 @@ def test_an_actuator_the_other_way_round_is_named() -> None:
     assert told.words[2] == "the other sign of device 2 alone"
 
 
+def test_rows_in_the_other_order_are_named() -> None:
+    (told,) = remarks(-lqr(FRAME.storeys[[2, 0]].T), 0, 2)
+    assert "rows of the devices in the other order" in told.words[2]
+    assert "-K" not in told.words[2]
+
+
+def test_a_gain_in_kilonewtons_that_does_nothing_is_told() -> None:
+    (told,) = remarks(1e-3 * RESISTING)
+    assert (told.code, told.severity) == ("gain_weak", "warning")
+    # What the remark says: no period and no damping ratio is another one.
+    A, B, _ = FRAME.state_matrices(FRAME.storeys[:1])
+    poles, moved = (np.sort_complex(np.linalg.eigvals(each)) for each in (A, A - 1e-3 * B @ RESISTING))
+    assert (np.abs(moved - poles) < 0.05 * np.abs(poles.real)).all()
+    assert not remarks(RESISTING)
+
+
 def test_a_gain_that_fits_in_no_convention_is_told() -> None:
     gain = 1e9 * np.array([[1.3, 0.9, -0.7, -1.3, -0.6, 0.0]])
     assert {each.code for sign in (1.0, -1.0) for each in remarks(sign * gain)} == {"gain_unstable"}

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from command_line import printed
 from opensees_bouc_wen import force_in_opensees
+from quarter_car import CAR, ROAD
 from record_files import clean_columns, write_text
 from refusals import refusal
 from scipy.io import loadmat
@@ -372,6 +373,28 @@ def test_the_command_tells_what_printed_code_does_between_samples(run: Path, tmp
     assert [Path(each).name for each in said["files"]] == ["rig.h", "rig.c", "rig_check.c"]
     assert said["substeps"] >= 1
     assert said["notes"][0].startswith("Between samples the motion is straight")
+
+
+def test_a_law_of_actuators_is_printed_with_its_forces(tmp_path: Path) -> None:
+    path = tmp_path / "active.toml"
+    path.write_text(
+        """
+building = { n_storeys = 2, masses = ["20 t"], stiffnesses = ["20 MN/m"], storey_damping = ["50 kN s/m"] }
+damper = [{ storey = 1, actuator = true, largest_force = "5 kN" }]
+motion = [{ synthetic = "kanai_tajimi" }]
+controller = [{ law = "active", settings = { drifts = 1, control_weight = 1e-12 } }]
+"""
+    )
+    folder = mr.export(path, "c", tmp_path / "force")
+    assert "/* Commands [N]" in (folder / "force.h").read_text()
+    assert "mr_min(5000.0, mr_max((-5000.0)" in (folder / "force.c").read_text()
+
+
+def test_a_law_that_reads_the_road_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text(f'{CAR}sprung = "body"\n{ROAD}[[controller]]\nlaw = "mixed_skyhook"\n')
+    text = (mr.export(path, "c", tmp_path / "sky") / "sky.h").read_text()
+    assert "reads the velocity of the ground" in text
 
 
 def test_what_is_not_printed_is_refused(fit: Fit, tmp_path: Path) -> None:

@@ -139,6 +139,23 @@ def test_a_fragility_has_the_limit_of_a_place(tmp_path: Path) -> None:
     assert found["uncontrolled"].median > 0.0
 
 
+@pytest.mark.parametrize(
+    "table",
+    [
+        '[report]\nscore = ["peak_drift_ratio"]\n',
+        '[report]\ncriteria = ["peak_drift_ratio@tyre"]\n',
+        '[report]\nlimit = { "peak_drift_ratio@tyre" = 0.01 }\n',
+        '[[tune]]\nlaws = ["skyhook_groundhook"]\ncriteria = ["peak_drift_ratio"]\n',
+        '[[tune]]\nlaws = ["skyhook_groundhook"]\nconstraints = { peak_drift_ratio = 0.01 }\n',
+    ],
+)
+def test_a_criterion_over_what_the_building_lacks_is_refused_wherever_it_is_named(
+    table: str, tmp_path: Path
+) -> None:
+    # Without heights it is unknown in every run: a score of it chooses nothing, a column of it is empty.
+    refusal(study, tmp_path, table, match=r"line \d+: .*is known only with height or heights in \[")
+
+
 # The score of a study
 
 
@@ -178,6 +195,27 @@ def test_a_road_without_a_score_is_told_and_another_score_is_another_study(tmp_p
     other = study(tmp_path, '[report]\nscore = ["rms_drift@tyre"]\n')
     prints = [fingerprint_of(each) for each in (plain, other)]
     assert prints[0] != prints[1]
+
+
+def test_a_law_that_reads_the_damper_alone_on_a_road_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text(f'{CAR}{ROAD}[[controller]]\nlaw = "mixed_skyhook"\nsettings = {{ crossover = inf }}\n')
+    bare = mr.read_study(path)
+    (remark,) = (each for each in bare.remarks if each.code == "sprung_missing")
+    assert 'sprung = "body"' in remark.message
+    # What the remark says: skyhook of the rate of the damper is its largest command.
+    law, most = bare.arrangements[-1], bare.devices[0].largest_command
+    run = mr.simulate_loop(
+        law.building, law.devices, law.law, bare.grounds, bare.hardware, histories=True
+    ).histories[0]
+    assert np.median(run.command) == most
+    assert "sprung_missing" not in {each.code for each in study(tmp_path).remarks}
+
+
+def test_a_speed_of_kilometres_an_hour_without_its_unit_is_told(tmp_path: Path) -> None:
+    plain = study(tmp_path, roads=ROAD.replace('"72 km/h"', "72.0"))
+    (remark,) = (each for each in plain.remarks if each.code == "number_unusual")
+    assert 'write "72 km/h"' in remark.message
 
 
 def test_tuning_searches_the_score_of_the_study(tmp_path: Path) -> None:

@@ -270,6 +270,16 @@ def test_a_grid_that_loses_the_gusts_is_told(folder: Path) -> None:
     study(folder, 'force = "wind.csv"\nresample = 0.04')
 
 
+def test_a_record_beside_a_wind_is_no_copy_of_it_without(folder: Path) -> None:
+    swing = 'file = "swing.csv"\n'
+    windy = f'{swing}name = "windy"\nforce = "wind.csv"\n'
+    again = windy.replace("windy", "again")
+    made = study(folder, f"{swing}[[motion]]\n{windy}[[motion]]\n{again}")
+    assert [remark.words for remark in made.remarks if remark.code == "records_copied"] == [
+        ("windy", "again")
+    ]
+
+
 def test_two_winds_of_one_mean_are_no_copies_and_one_with_another_factor_is() -> None:
     rng = np.random.default_rng(5)
     one, other = (force_motion(5e3 + 5e2 * rng.standard_normal((3, 200)), 0.02) for _ in range(2))
@@ -307,6 +317,10 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         ('force = "bare.csv"\nunit = "N"', "no column is time; give its step"),
         ('force = "wind.csv"\ndt = 0.02', "leave `dt` out"),
         ('force = "two.csv"', "column 'roof' does not state the unit of its forces"),
+        (
+            'file = "swing.csv"\nforce = "two.csv"\nunit = "kN"',
+            "write it in the head, as 'roof \\(kN\\)'",
+        ),
         ('force = "shaker.csv"\nfloor = 3\nunit = "N"', "where every column states its own"),
         ('force = "shaker.csv"\nfloor = 3\nunit = "g"', "'g'"),
         ('force = "pressed.csv"\nunit = "kN"', "'roof \\(kPa\\)': 'kPa' is no unit of force"),

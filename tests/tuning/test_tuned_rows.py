@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import tuning_samples
 from refusals import refusal
 
 import mrwork as mr
+from mrwork.tuning.space import FreeSetting
 
 TUNE = """
 [[tune]]
@@ -65,6 +68,13 @@ def test_objectives_and_settings_have_the_law_and_the_study_judges_each_point(
     assert test is not None
     for name, ratio in test.items():
         assert ratio == pytest.approx(sum(each[name] for each in ratios) / len(ratios), rel=1e-9)
+
+
+def test_a_setting_at_the_end_of_what_its_law_permits_is_not_to_be_widened(found: mr.TuningResults) -> None:
+    for upper, codes in ((1.0, set()), (0.5, {"settings_at_bound"})):
+        share = FreeSetting(name="share", lower=0.0, upper=upper, scale="linear")
+        law = replace(found.laws[0], law="skyhook_groundhook", free=(share,), settings={"share": upper})
+        assert {remark.code for remark in law.remarks} == codes
 
 
 def test_what_is_no_point_or_no_objective_is_said(study: mr.Study, found: mr.TuningResults) -> None:

@@ -166,7 +166,7 @@ _KNOWN: Final[Mapping[MeasuredQuantity, str]] = {
     "frequency": "Hz",
     "rate": "1/s",
     "displacement": "m, cm, mm, um, in, ft",
-    "velocity": "m/s, cm/s, mm/s, in/s, ft/s, km/h, mph",
+    "velocity": "m/s, km/h, cm/s, mm/s, in/s, ft/s, mph",
     "acceleration": "m/s2, cm/s2, gal, mm/s2, g, mg, in/s2, ft/s2",
     "mass": "kg, t, Mg, lbm, slug",
     "force": "N, kN, lbf, kip, kgf, tf, MN, daN",
@@ -293,7 +293,7 @@ def unusual_number(
     units = next((group for group in _EVERY if symbol in group), {})
     meant = [other for other, factor in units.items() if least <= value * factor <= most]
     # Thousandfold units first, as mm for m.
-    meant.sort(key=lambda other: round(math.log10(units[other])) % 3 != 0)
+    meant.sort(key=lambda other: math.log10(units[other]) % 3.0 != 0.0)
     shown = "" if symbol in ("", "1") else f" {symbol}"
     cure = f'write "{value:g} {meant[0]}" if that is meant' if meant else "check it and its unit"
     measured = Measured(value, symbol)

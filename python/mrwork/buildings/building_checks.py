@@ -151,7 +151,10 @@ def _names(building: Structure) -> Iterator[str]:
 
 def _mass(building: Structure) -> Iterator[str]:
     mass, diagonal = building.mass, np.diag(building.mass)
-    remedy = "give it a mass, or leave it out of floors, storeys and rows; studies and static_condensation condense it"
+    remedy = (
+        "give it a mass, or leave it out of floors, storeys and rows; static_condensation condenses it, and a study "
+        "without condense = false"
+    )
     for first in np.flatnonzero(diagonal < 1.0 / _LARGEST).tolist():
         yield (
             f"the mass of coordinate {first + 1} is {diagonal[first]:g} kg, so the mass matrix is singular or worse; "

@@ -152,6 +152,11 @@ class Criterion:
             f"{self.name}: {why}, and {self.name.partition('@')[0]} is of a {axis}; give one of {', '.join(axes[axis])}"
         )
 
+    def check_scale(self, scales: Scales) -> None:
+        """Refuse a number over a scale that the building lacks, and that would be known of no run."""
+        if lacking := scales.lacking(self.scale):
+            raise SettingError(f"{self.name} is known only with {lacking} in [building]; give it")
+
     @property
     def quantity(self) -> str:
         """Quantity of a run that is reduced to it: of the same name where no other is stated."""

@@ -33,6 +33,7 @@ _OF_STATE = (
     'It reads displacements and velocities of the building, which no sensor gives; with feedback = "observer" of the '
     "hardware it estimates them."
 )
+_OF_GROUND = "It reads the velocity of the ground, as of a road under a tyre, which no sensor gives."
 
 
 def controller_source(
@@ -75,7 +76,11 @@ def controller_source(
         "No watchdog is here: stop calling, and the last command stays. Send zero where samples do not come.",
     ]
     of_state = {"displacement", "velocity"} & read.keys()
-    notes = (*([_OF_STATE] if of_state else []), *([_decision(rollout["counts"])] if rollout else []))
+    notes = (
+        *([_OF_STATE] if of_state else []),
+        *([_OF_GROUND] if "ground_velocity" in read else []),
+        *([_decision(rollout["counts"])] if rollout else []),
+    )
     head[2:2] = notes
     real = flavour.real
     words = {

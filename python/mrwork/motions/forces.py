@@ -164,7 +164,8 @@ def _factors(
     if unit is None and "" in stated:
         name = names[stated.index("")]
         raise UnitError(
-            f"{source}: column '{name}' does not state the unit of its forces; give it, as unit = \"kN\""
+            f"{source}: column '{name}' does not state the unit of its forces; write it in the head, as '{name} (kN)', "
+            'or give unit = "kN", which beside a motion of the ground would be of that'
         )
     if unit is not None and "" not in stated and {*stated} != {unit}:
         raise SettingError(

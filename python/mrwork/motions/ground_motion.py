@@ -231,14 +231,21 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
     sample by sample, which finds a copy with another time axis. Of forces over a ground at rest the changes between
     samples are compared as they are: two winds of one mean are no copies.
     """
-    if not (one.peak or other.peak) and one.forces.shape == other.forces.shape:
-        changes = np.diff(one.forces), np.diff(other.forces)
-        norms = float(np.prod([*map(np.linalg.norm, changes)]))
-        return abs(float(np.vdot(*changes))) / norms if norms else 0.0
+    if not (one.peak or other.peak):
+        return _likeness_of_forces(one, other)
     correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
         correlation = max(correlation, _largest_correlation(one.acceleration, other.acceleration))
     return correlation
+
+
+def _likeness_of_forces(one: GroundMotion, other: GroundMotion) -> float:
+    """Correlation of the changes of the forces between samples, which are as many; zero where there are others."""
+    if one.forces.shape != other.forces.shape:
+        return 0.0
+    changes = np.diff(one.forces), np.diff(other.forces)
+    norms = float(np.prod([*map(np.linalg.norm, changes)]))
+    return abs(float(np.vdot(*changes))) / norms if norms else 0.0
 
 
 def is_copy(one: GroundMotion, other: GroundMotion) -> bool:
@@ -253,6 +260,8 @@ _LAGS, _APART = 100, 0.05
 def copies_among(motions: Sequence[GroundMotion]) -> dict[int, int]:
     """Index of the first record by the index of each copy of it; levels of one record are no copies.
 
+    Neither are motions of one ground with other forces on floors.
+
     Autocorrelations, which neither a factor nor a shift or padding changes, tell which motions to compare at all.
     """
     firsts: list[int] = []
@@ -260,12 +269,18 @@ def copies_among(motions: Sequence[GroundMotion]) -> dict[int, int]:
     copies: dict[int, int] = {}
     for number, motion in enumerate(motions):
         near = [first for first in firsts if np.abs(prints[first] - prints[number]).max() < _APART]
-        first = next((neighbour for neighbour in near if is_copy(motions[neighbour], motion)), None)
+        alike = (each for each in near if _have_one_load(motions[each], motion))
+        first = next((each for each in alike if is_copy(motions[each], motion)), None)
         if first is None:
             firsts.append(number)
         elif motion.name != motions[first].name or motion.peak == motions[first].peak:
             copies[number] = first
     return copies
+
+
+def _have_one_load(one: GroundMotion, other: GroundMotion) -> bool:
+    """Whether forces of two motions of one ground are alike too, or neither has any."""
+    return not (one.forces.any() or other.forces.any()) or _likeness_of_forces(one, other) > _COPY
 
 
 def _autocorrelation(samples: Floats) -> Floats:

@@ -267,7 +267,10 @@ def _column_along(
         along: str | None = distances[0]
     elif speed is not None:
         what = f"column '{times[0]}' holds times" if times else "there is no column of distances"
-        cure = "leave it out" if times else "name that column as distance_m"
+        cure = (
+            "name that column as distance_m" if others else "leave it out, and give `dt` between two heights"
+        )
+        cure = "leave it out" if times else cure
         raise SettingError(f"{source}: {what}, and `speed` is for heights over distances; {cure}")
     elif times:
         along = times[0]

@@ -51,7 +51,7 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
     printable = {
         arrangement.row.label: (arrangement.law, arrangement)
         for arrangement in study.arrangements
-        if isinstance(arrangement.law, ControlLaw) and arrangement.row.kind == "controller"
+        if isinstance(arrangement.law, ControlLaw) and arrangement.row.kind in ("controller", "actuator")
     }
     if not printable:
         raise SettingError(

@@ -579,8 +579,7 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
         value = number
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
-    if lacking := scales.lacking(limited.scale):
-        raise SettingError(f"{name} is known only with {lacking} in [building]; give it")
+    limited.check_scale(scales)
     return {name: float(value)}
 
 

@@ -305,7 +305,11 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         (("report", "criteria"), table.report.criteria),
         (("report", "score"), table.report.score),
         (("report", "limit"), limit),
-        *((("tune", number), tune.judged_by) for number, tune in enumerate(inputs.tunes)),
+        *(
+            (("tune", number, key), getattr(tune, key) or ())
+            for number, tune in enumerate(inputs.tunes)
+            for key in ("criteria", "objectives", "constraints")
+        ),
     )
     for keys, names in named_in:
         with keyed(*keys):
@@ -350,9 +354,14 @@ def _design_motions(
     of_level = tuple(motion for motion in chosen if math.isclose(motion.level, wanted, rel_tol=1e-6))
     if not of_level:
         what = f"{chosen[0].use} motion" if chosen[0].use == "training" else "motion"
+        is_force = all(motion.intensity.measure == "force" and motion.factor is None for motion in chosen)
+        cure = (
+            "forces without a factor have no level; leave it out"
+            if is_force
+            else f"give one of {list_names(levels)}"
+        )
         raise InvalidSettingError(
-            "design_level",
-            f"no {what} is scaled to {wanted:.4g} m/s2, or by this factor; give one of {list_names(levels)}",
+            "design_level", f"no {what} is scaled to {wanted:.4g} m/s2, or by this factor; {cure}"
         )
     return of_level, (of_level[0].level_in_words,)
 

@@ -400,11 +400,13 @@ def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:
 
 
 def asking(study: Study, names: Iterable[str]) -> Study:
-    """The study with the criteria of these names, too; refused where it has no such place."""
+    """The study with the criteria of these names, too; refused where it has no such place, or not what one is over."""
+    names = tuple(names)
     asked = on_request((*study.asked, *names))
-    axes = own_axes(study.arrangements)
-    for name in asked:
+    axes, scales = own_axes(study.arrangements), Scales.of(study.building)
+    for name in names:
         criterion(name).check_place(axes)
+        criterion(name).check_scale(scales)
     return replace(study, asked=asked)
 
 

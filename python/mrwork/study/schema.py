@@ -553,7 +553,7 @@ class MotionTable(Stated):
     speed: float | None = positive(
         'speed of the vehicle on a road, as "72 km/h": over distances, and of iso_8608',
         unit="m/s",
-        usual=(0.5, 100.0),
+        usual=(0.5, 60.0),
     )
     synthetic: Synthetic | None = optional("filtered noise instead of a file, or iso_8608 for a random road")
     road_class: RoadClass | None = optional("class of the road iso_8608; C is an average one")

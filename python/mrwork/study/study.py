@@ -267,6 +267,12 @@ _WORST_PLACE: Final = RemarkKind(
     "{0} is a road, and the score, by which the best constant command is chosen, is of the worst place, mostly a wheel",
     'state what counts in [report], as score = ["rms_acceleration@{1}", "rms_drift@{2}"]',
 )
+_UNSPRUNG: Final = RemarkKind(
+    "sprung_missing",
+    "{0} reads the motion of the upper end of {1} less that of its lower end, which on a road is mostly that of the "
+    "damper itself",
+    'name the floor whose absolute motion it reads, as sprung = "{2}" of [[damper]]',
+)
 _SAME_BUILDING: Final = RemarkKind(
     "baseline_same",
     "{0} is the building itself",
@@ -391,6 +397,10 @@ class Study(Summarised):
         floors = self.building.frame_floors
         if road is not None and len(floors) > 1 and self.devices and self.scored == SCORE:
             yield _WORST_PLACE.remark(road, floors[-1], self.building.drift_names[0])
+        unsprung = next((device.name for device in commanded(self.devices) if device.sprung is None), None)
+        for label, law in self.laws:
+            if road is not None and unsprung is not None and law.spec.reads_sprung:
+                yield _UNSPRUNG.remark(label, unsprung, floors[-1])
 
     @property
     def at_zero(self) -> Arrangement:

@@ -28,7 +28,15 @@ from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.errors import SettingError
 from mrwork.study.damper_size import BEST_AT_LARGEST
 from mrwork.study.row_kinds import Kind
-from mrwork.tuning.space import COMMAND_SLOPE, DEAD_ZONE, LARGEST, FreeSetting, LawCandidate, TuningObjective
+from mrwork.tuning.space import (
+    COMMAND_SLOPE,
+    DEAD_ZONE,
+    LARGEST,
+    FreeSetting,
+    LawCandidate,
+    TuningObjective,
+    is_last,
+)
 
 _MARGIN = 0.01
 # Longest array whose numbers are shown in a line.
@@ -92,7 +100,7 @@ class TunedLaw(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """On limits that no candidate keeps, and on free settings at a bound of their range."""
+        """On limits that no candidate keeps, and on free settings at a bound beyond which their range may go."""
         return tuple(self._remarks())
 
     def _remarks(self) -> Iterator[Remark]:
@@ -105,7 +113,8 @@ class TunedLaw(Summarised):
         for setting in self.free:
             value = self.settings.get(setting.name)
             at = setting.unit(value) if isinstance(value, int | float) else None
-            if setting.name != LARGEST and at is not None and not _MARGIN < at < 1.0 - _MARGIN:
+            is_free = setting.name != LARGEST and not is_last(self.law, setting, at or 0.0)
+            if is_free and at is not None and not _MARGIN < at < 1.0 - _MARGIN:
                 ends.setdefault("lower" if at <= _MARGIN else "upper", []).append(setting.name)
         for end, names in ends.items():
             yield _AT_BOUND.remark(self.label, end, *names, names=", ".join(names))
@@ -115,7 +124,7 @@ class TunedLaw(Summarised):
 class Placement:
     """Dampers by storey, their best constant command, and its scores over the building without dampers.
 
-    A score is the mean over motions of peak and rms drift and acceleration over those without dampers, which do not
+    A score is the mean over motions of the criteria of the study's score over those without dampers, which do not
     depend on the placement; `test` is `None` where no motion is held out. `given` says that the study has them so.
     `storeys` has the number of [[damper]] in each, of which each is `count` dampers.
     """

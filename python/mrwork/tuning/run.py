@@ -16,7 +16,7 @@ from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.keys import given_in
 from mrwork.base.places import Place, keyed, read_each
 from mrwork.base.progress import OnProgress, Progress
-from mrwork.closed_loop.evaluation import Scales, criterion
+from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
@@ -298,10 +298,4 @@ def objective_for(table: TuneTable, study: Study) -> TuningObjective:
             raise InvalidSettingError("laws", lacking)
     if table.gradient_steps and (lacking := without_gradient(study, table)):
         raise InvalidSettingError("gradient_steps", f"{lacking}, or leave gradient_steps out")
-    scales = Scales.of(study.building)
-    objective = objective_of(table, study.command_unit, scales, study.scored)
-    for key in ("criteria", "objectives"):
-        for name in getattr(table, key) or ():
-            if lacking := scales.lacking(criterion(name).scale):
-                raise InvalidSettingError(key, f"{name} is known only with {lacking} in [building]; give it")
-    return objective
+    return objective_of(table, study.command_unit, Scales.of(study.building), study.scored)

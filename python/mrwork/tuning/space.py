@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import Share, Whole
+from mrwork.base.hints import Within
 from mrwork.base.keys import check_known, keys_of
 from mrwork.base.numbers import of_unit, round_to
 from mrwork.base.places import keyed
@@ -357,6 +358,13 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         largest_command=magnitudes.command,
         any_weights=any_weights and not ranges.get(weight),
     )
+
+
+def is_last(law: str, setting: FreeSetting, unit: float) -> bool:
+    """Whether the law permits no value of the setting beyond the end of its range that is nearer to the coordinate."""
+    within = next((entry.within for entry in keys_of(SETTINGS[law]) if entry.name == setting.name), Within())
+    end, far = (setting.lower, -math.inf) if unit < 0.5 else (setting.upper, math.inf)
+    return bool(within.excludes(math.nextafter(end, far)))
 
 
 def is_semi_active(settings: Mapping[str, Any]) -> bool:

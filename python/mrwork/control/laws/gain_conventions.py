@@ -21,6 +21,8 @@ _HARDLY = 0.01
 _FREQUENCIES, _ROUNDING = 150, 1e-9
 # Sample times [s] of gains of `dlqr`, beside that of the loop; unequal parts of K F^-1 G that are rounding of the gain.
 _SAMPLE_TIMES, _UNEQUAL = (0.005, 0.01, 0.02, 0.05), 0.01
+# Part of its damping by which a gain moves a pole at least that is to do something.
+_LEAST_MOVE = 0.05
 # Places about each pole, in half widths of its resonance.
 _ABOUT = np.sinh(np.linspace(-4.0, 4.0, 15))
 
@@ -34,6 +36,11 @@ _UNSTABLE: Final = RemarkKind(
     "gain_unstable",
     "the linear loop of the gain is not stable, with forces of either sign and other orders of its columns neither",
     "give a gain of this building in N/m and N s/m",
+)
+_WEAK: Final = RemarkKind(
+    "gain_weak",
+    "the gain moves no pole of the building by more than {share:.2g} % of its damping",
+    "give it in N/m and N s/m; in kN it is a thousandth",
 )
 _HELD: Final = RemarkKind(
     "loop_held_unstable",
@@ -95,6 +102,8 @@ def gain_remarks(
             yield _CONVENTION.remark(*words, " or ".join(fitting))
         elif not stable:
             yield _UNSTABLE.remark()
+    elif given and (moved := _largest_move(plant, gain)) < _LEAST_MOVE:
+        yield _WEAK.remark(share=100.0 * moved)
     if stable and margins is not None and not margins.stable:
         yield _HELD.remark()
 
@@ -123,6 +132,20 @@ def _readings(plant: Plant, gain: Floats) -> Iterator[tuple[str, Floats]]:
     for device, name in enumerate(plant.device_names if len(gain) > 1 else ()):
         signs = np.where(np.arange(len(gain)) == device, -1.0, 1.0)
         yield f"the other sign of {name} alone", signs[:, None] * gain
+    if len(gain) > 1:
+        yield "rows of the devices in the other order", gain[::-1]
+        yield "-K and rows of the devices in the other order", -gain[::-1]
+
+
+def _largest_move(plant: Plant, gain: Floats) -> float:
+    """Largest change of a pole by a gain over the decay of that pole, for changes far below its distance to others."""
+    T = plant.scaling
+    of_loops = (np.linalg.eigvals(np.linalg.solve(T, A @ T)) for A in (plant.A, plant.A - plant.B @ gain))
+    poles, moved = (each[np.lexsort((each.real, each.imag))] for each in of_loops)
+    decay = np.abs(poles.real)
+    return float(
+        np.divide(np.abs(moved - poles), decay, out=np.full(decay.shape, np.inf), where=decay > 0.0).max()
+    )
 
 
 def _is_stable(plant: Plant, gain: Floats, sample_time: float = 0.0) -> bool:
