@@ -146,16 +146,6 @@ def test_a_quantity_keeps_its_axes_without_reshaping_by_hand() -> None:
     assert alike.to_xarray()["motion"].values.tolist() == [0, 1]
 
 
-def test_a_study_is_two_groups_and_one_table() -> None:
-    results = study_samples.results()
-    tree = results.to_xarray()
-    assert sorted(tree.children) == ["criteria", "quantities"]
-    table = results.to_pandas()
-    row, motion = results.rows[1].label, results.motions[0].name
-    assert table.loc[(row, motion, "nominal"), "peak_drift"] == results.criteria(1, 0)["peak_drift"]  # type: ignore[index] # it finished
-    assert table.attrs["long_name"]["peak_drift"]
-
-
 def test_a_loaded_run_is_whole_and_the_same_when_loaded_twice(tmp_path: Path) -> None:
     fit, found = small_fit(), draws()
     place = tmp_path / "run"
