@@ -20,9 +20,6 @@ from scipy.io import loadmat
 from study_samples import results
 
 import mrwork as mr
-from mrwork.dampers import OpenSeesBoucWen
-from mrwork.errors import MrworkWarning
-from mrwork.identification import Fit
 from mrwork.runs.export import matlab_names
 
 MODEL = "normalised_bouc_wen"
@@ -45,13 +42,13 @@ def measured(command: float) -> mr.DamperTest:
 
 
 @pytest.fixture(scope="module")
-def fit() -> Fit:
+def fit() -> mr.Fit:
     spec = mr.damper(MODEL).with_current_laws({"k_w": "linear", "c": "linear"}, unit="A")
     return mr.identify(spec, [measured(0.0), measured(0.5), measured(1.0)], bounds=HELD, threads=1)
 
 
 @pytest.fixture(scope="module")
-def plain(fit: Fit) -> Fit:
+def plain(fit: mr.Fit) -> mr.Fit:
     """A fit without laws."""
     return mr.identify(mr.damper(MODEL), measured(0.5), bounds=HELD, threads=1)
 
@@ -77,7 +74,7 @@ def table_of(path: Path) -> list[dict[str, str]]:
 # MATLAB
 
 
-def test_the_matlab_file_of_a_fit_has_its_parameters_with_their_units(fit: Fit, tmp_path: Path) -> None:
+def test_the_matlab_file_of_a_fit_has_its_parameters_with_their_units(fit: mr.Fit, tmp_path: Path) -> None:
     found = read_back(mr.export(fit, "mat", tmp_path / "fit.mat"))
     names = matlab_names(fit.parameters)
     assert names["k_w.0"] == "k_w_0"
@@ -109,7 +106,7 @@ def test_a_folder_whose_tests_have_gone_is_exported_without_them(run: Path, tmp_
     record = run.parent / "10mm2Hz.csv"
     record.rename(tmp_path / record.name)
     try:
-        with pytest.warns(MrworkWarning, match=r"no tests.*10mm2Hz\.csv"):
+        with pytest.warns(mr.errors.MrworkWarning, match=r"no tests.*10mm2Hz\.csv"):
             found = read_back(mr.export(run, "mat", tmp_path / "run.mat"))
     finally:
         (tmp_path / record.name).rename(record)
@@ -148,7 +145,7 @@ def test_names_for_matlab_are_valid_distinct_and_short() -> None:
 
 
 def test_the_force_table_is_the_force_of_the_model_in_the_middle_of_the_stroke(
-    fit: Fit, tmp_path: Path
+    fit: mr.Fit, tmp_path: Path
 ) -> None:
     rows = table_of(mr.export(fit, "csv", tmp_path / "force.csv"))
     assert list(rows[0]) == ["command [A]", "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"]
@@ -170,7 +167,7 @@ def test_the_force_table_is_the_force_of_the_model_in_the_middle_of_the_stroke(
         assert force == pytest.approx(history[2000 if velocity > 0.0 else 2500], rel=1e-4)
 
 
-def test_a_force_table_at_one_command_has_no_other(fit: Fit, tmp_path: Path) -> None:
+def test_a_force_table_at_one_command_has_no_other(fit: mr.Fit, tmp_path: Path) -> None:
     rows = table_of(mr.export(fit, "csv", tmp_path / "force.csv", command="500 mA"))
     assert {row["command [A]"] for row in rows} == {"0.5"}
 
@@ -196,7 +193,7 @@ def arguments_in(text: str, material: str) -> list[list[float]]:
     return [[float(each) for each in re.findall(number, line)] for line in plain]
 
 
-def opensees_text(fit: Fit, tmp_path: Path, name: str = "damper.tcl", **options: Any) -> str:
+def opensees_text(fit: mr.Fit, tmp_path: Path, name: str = "damper.tcl", **options: Any) -> str:
     return mr.export(fit, "opensees", tmp_path / name, replace=True, **options).read_text()
 
 
@@ -208,7 +205,7 @@ def stated_step(text: str) -> float:
 
 @pytest.mark.parametrize("error", [0.05, 0.01])
 def test_the_exported_damper_keeps_the_stated_error_in_opensees(
-    error: float, fit: Fit, tmp_path: Path
+    error: float, fit: mr.Fit, tmp_path: Path
 ) -> None:
     text = opensees_text(fit, tmp_path, command="0.5 A", error=error)
     step = stated_step(text)
@@ -233,7 +230,7 @@ def test_the_exported_damper_keeps_the_stated_error_in_opensees(
         command_unit="A",
     )
     ours = mr.simulate_force(fit.spec, fit.theta, loading)[::finer]
-    theirs = force_in_opensees(OpenSeesBoucWen(**dict(zip(NAMES, numbers, strict=True))), x)
+    theirs = force_in_opensees(mr.dampers.OpenSeesBoucWen(**dict(zip(NAMES, numbers, strict=True))), x)
     theirs += c * v + k * (x + offset)
     assert numbers[1] == pytest.approx(500.0, rel=0.01)
     # Where the velocity jumps, the dashpot has two forces.
@@ -244,7 +241,7 @@ def test_the_exported_damper_keeps_the_stated_error_in_opensees(
 NAMES = ("alpha", "ko", "n", "gamma", "beta", "Ao", "deltaA", "deltaNu", "deltaEta")
 
 
-def test_tcl_and_python_make_the_same_materials(fit: Fit, tmp_path: Path) -> None:
+def test_tcl_and_python_make_the_same_materials(fit: mr.Fit, tmp_path: Path) -> None:
     tcl, python = (
         opensees_text(fit, tmp_path, name, command="0.5 A", error=0.01) for name in ("d.tcl", "d.py")
     )
@@ -253,7 +250,7 @@ def test_tcl_and_python_make_the_same_materials(fit: Fit, tmp_path: Path) -> Non
         assert arguments_in(tcl, material) == arguments_in(python, material) != []
 
 
-def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: Fit, tmp_path: Path) -> None:
+def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: mr.Fit, tmp_path: Path) -> None:
     # A library of the system may be missing, beside the package.
     ops = pytest.importorskip("openseespy.opensees", exc_type=(ImportError, RuntimeError))
     error = 0.01
@@ -280,7 +277,7 @@ def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: Fit,
 # Refusals
 
 
-def on_bound(fit: Fit, name: str, value: float, **bounds: float) -> Fit:
+def on_bound(fit: mr.Fit, name: str, value: float, **bounds: float) -> mr.Fit:
     """The fit with a parameter on its upper bound."""
     estimates = [
         replace(each, state="at upper bound", value=value, **bounds) if each.name == name else each
@@ -289,7 +286,7 @@ def on_bound(fit: Fit, name: str, value: float, **bounds: float) -> Fit:
     return replace(fit, estimates=tuple(estimates))
 
 
-def test_a_bound_of_the_model_is_exported_as_it_is(plain: Fit, tmp_path: Path) -> None:
+def test_a_bound_of_the_model_is_exported_as_it_is(plain: mr.Fit, tmp_path: Path) -> None:
     steep = mr.damper(MODEL).parameters[MODEL_NAMES.index("n")].upper
     at_bound = on_bound(plain, "n", steep, upper=steep, lower=1.0)
     text = mr.export(at_bound, "opensees", tmp_path / "damper.tcl", error=0.05).read_text()
@@ -297,7 +294,7 @@ def test_a_bound_of_the_model_is_exported_as_it_is(plain: Fit, tmp_path: Path) -
     assert mr.export(at_bound, "csv", tmp_path / "damper.csv").read_text().startswith("velocity")
 
 
-def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path) -> None:
+def test_what_cannot_be_exported_is_refused(fit: mr.Fit, plain: mr.Fit, tmp_path: Path) -> None:
     out = tmp_path / "out"
     at_bound = on_bound(plain, "c", 2000.0, upper=2000.0)
     # A coefficient has a range of search where none was given.
@@ -320,7 +317,7 @@ def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path
     assert not out.exists()
 
 
-def test_a_file_that_is_there_is_replaced_only_where_that_is_said(fit: Fit, tmp_path: Path) -> None:
+def test_a_file_that_is_there_is_replaced_only_where_that_is_said(fit: mr.Fit, tmp_path: Path) -> None:
     place = tmp_path / "fit.mat"
     place.write_text("mine")
     refusal(mr.export, fit, "mat", place, match="replace=True")
@@ -357,7 +354,7 @@ def test_an_export_says_what_the_record_adds_to_the_force_of_the_damper(tmp_path
     assert {row["remark"] for row in rows} == {fit.observation_in_words}
 
 
-def test_a_damper_is_printed_in_a_folder_that_names_it(fit: Fit, tmp_path: Path) -> None:
+def test_a_damper_is_printed_in_a_folder_that_names_it(fit: mr.Fit, tmp_path: Path) -> None:
     folder = mr.export(fit, "c", tmp_path / "rig damper")
     assert {each.name for each in folder.iterdir()} == {"rig_damper.h", "rig_damper.c", "rig_damper_check.c"}
     head = (folder / "rig_damper.h").read_text()
@@ -374,7 +371,7 @@ def test_the_command_tells_what_printed_code_does_between_samples(run: Path, tmp
     assert said["notes"][0].startswith("Between samples the motion is straight")
 
 
-def test_what_is_not_printed_is_refused(fit: Fit, tmp_path: Path) -> None:
+def test_what_is_not_printed_is_refused(fit: mr.Fit, tmp_path: Path) -> None:
     refusal(mr.export, fit, "c", tmp_path / "a", law="passive", match="a fit has no control law")
     refusal(mr.export, fit, "csv", tmp_path / "a.csv", single=True, match="only for an export to c")
     refusal(mr.export, fit, "c", tmp_path / "***", match="no letter or digit")
