@@ -13,27 +13,24 @@ from loop_samples import devices, five_storeys, law_with_gains, rd1005, sweep
 from refusals import refusal
 
 import mrwork as mr
-from mrwork import _rust
-from mrwork.closed_loop import Fault, Hardware
 from mrwork.closed_loop.printed_loop import PrintedLoop, printed_loop
-from mrwork.control import ControlLaw, control_laws, plant_of
 from mrwork.embedded.c_source import CSource, Flavour
 from mrwork.embedded.controller_c import controller_source, readings_of_check
 
-LAWS = [law.name for law in control_laws()]
-OBSERVED = Hardware(feedback="observer", known_ground=True, command_rate=200.0)
+LAWS = [law.name for law in mr.control.control_laws()]
+OBSERVED = mr.Hardware(feedback="observer", known_ground=True, command_rate=200.0)
 
 
-def law_of(name: str) -> ControlLaw:
-    return law_with_gains(name, plant_of(five_storeys(), [each.row for each in devices(rd1005())]))
+def law_of(name: str) -> mr.ControlLaw:
+    return law_with_gains(name, mr.control.plant_of(five_storeys(), [each.row for each in devices(rd1005())]))
 
 
-def loop_of(name: str, hardware: Hardware = OBSERVED, law: ControlLaw | None = None) -> PrintedLoop:
+def loop_of(name: str, hardware: mr.Hardware = OBSERVED, law: mr.ControlLaw | None = None) -> PrintedLoop:
     return printed_loop(five_storeys(), devices(rd1005()), law or law_of(name), hardware)
 
 
 def printed(
-    name: str, loop: PrintedLoop, flavour: Flavour | None = None, *, law: ControlLaw | None = None
+    name: str, loop: PrintedLoop, flavour: Flavour | None = None, *, law: mr.ControlLaw | None = None
 ) -> CSource:
     frame = five_storeys()
     storeys = [frame.storey_names[storey] for storey in loop.hardware.measured_storeys]
@@ -77,12 +74,12 @@ def test_a_printed_law_sends_the_commands_of_the_core_whatever_sensors_give(
     name: str, feedback: str, tmp_path: Path
 ) -> None:
     law = law_of(name)
-    hardware = OBSERVED if feedback == "observer" else Hardware(command_rate=200.0)
+    hardware = OBSERVED if feedback == "observer" else mr.Hardware(command_rate=200.0)
     loop = loop_of(name, hardware, law)
     source = printed(name, loop, law=law)
-    given = dict(_rust.law_readings(loop))
+    given = dict(mr._rust.law_readings(loop))
     readings = hostile(given)
-    wanted = _rust.law_commands(loop, readings)[:, : loop.n_commanded]
+    wanted = mr._rust.law_commands(loop, readings)[:, : loop.n_commanded]
     names = [f"{signal}[{entry}]" for signal, count in given.items() for entry in range(count)]
     read = np.ascontiguousarray(readings[:, [names.index(each.name) for each in source.inputs]])
     files = {each: text for each, text in source.files.items() if each in ("law.c", "law.h")} | {
@@ -143,6 +140,6 @@ def test_a_name_of_the_user_ends_no_comment(tmp_path: Path) -> None:
 
 
 def test_what_no_rig_has_is_refused() -> None:
-    stuck = Fault(channel="force", index=0, start=1.0, end=2.0, value=0.0)
-    refusal(loop_of, "passive", Hardware(faults=(stuck,)), match="faults are of a simulation")
-    refusal(loop_of, "passive", Hardware(ground_preview=0.1), match="no sensor tells the ground ahead")
+    stuck = mr.closed_loop.Fault(channel="force", index=0, start=1.0, end=2.0, value=0.0)
+    refusal(loop_of, "passive", mr.Hardware(faults=(stuck,)), match="faults are of a simulation")
+    refusal(loop_of, "passive", mr.Hardware(ground_preview=0.1), match="no sensor tells the ground ahead")
