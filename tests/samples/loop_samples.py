@@ -32,6 +32,14 @@ def rd1005(*, lagged: bool = True) -> tuple[mr.DamperSpec, Floats]:
 
 
 @cache
+def hysteretic() -> tuple[mr.DamperSpec, Floats]:
+    """A Bouc-Wen loop of 230 N that the command raises, behind a lag."""
+    spec = mr.damper("bouc_wen").with_current_laws({"alpha": "linear", "c0": "linear"}, lagged=True)
+    # c0 by the current, k0, x0, alpha by the current, gamma, beta, A, n, eta.
+    return spec, np.array([700.0, 900.0, 800.0, 0.0, 3e4, 4e4, 1e6, 1e6, 120.0, 2.0, LAG])
+
+
+@cache
 def friction() -> tuple[mr.DamperSpec, Floats]:
     """A smooth friction and a dashpot, both by the command: force and rate have one sign at every instant."""
     spec = mr.damper("bingham").with_current_laws({"f_c": "linear", "c0": "linear"}, lagged=True)

@@ -19,7 +19,6 @@ from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
 from mrwork.tuning import law_tuning
 from mrwork.tuning.law_plan import LawPlan, without_gradient
-from mrwork.tuning.law_tuning import follow_gradients
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.space import LARGEST
 
@@ -160,17 +159,6 @@ def test_every_law_that_switches_is_named() -> None:
 
 
 LAW = "proportional_direct"
-
-
-def test_gradients_lower_the_objective_of_the_loop() -> None:
-    study = tuning_samples.study_with(motions=tuning_samples.motion("A", 1).replace("3\n", "1\n", 1))
-    table = TuneTable(laws=(LAW,), free={"slope": (), "largest_command": ()})
-    plan, start = plan_of(study, table, 1), np.array([0.4, 0.99])
-    found = follow_gradients(plan, start, 3)
-    candidates = [plan.space.candidate(start), plan.space.candidate(found.unit)]
-    before, after = plan.scores(candidates).objective
-    assert after < before
-    assert found.unit[1] == start[1]
 
 
 def test_scores_without_gradients_are_refused() -> None:
