@@ -15,17 +15,6 @@ from mrwork.control.linear.plant import deformation_rates, stack_outputs
 RNG = np.random.default_rng(6)
 
 
-def test_the_rate_of_the_state_satisfies_the_equation_of_motion() -> None:
-    building = mr.building("dyke1996")
-    system = plant(2)
-    s, f, a_g = RNG.standard_normal(6), RNG.standard_normal(2), 1.7
-    rate = system.A @ s + system.B @ f + system.E * a_g
-    np.testing.assert_array_equal(rate[:3], s[3:])
-    inertia = building.mass @ rate[3:] + building.damping @ s[3:] + building.stiffness @ s[:3]
-    acting = -building.storeys[:2].T @ f - building.mass @ building.influence * a_g
-    np.testing.assert_allclose(inertia, acting, rtol=1e-10)
-
-
 def test_a_force_along_the_elongation_takes_energy_out() -> None:
     """dE/dt of an undamped building at rest but for the device is -f e q', to rounding."""
     building = replace(mr.building("dyke1996"), damping=np.zeros((3, 3)))

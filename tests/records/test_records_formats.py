@@ -60,11 +60,16 @@ def test_harmless_variants_of_text_do_not_matter(tmp_path: Path, before: str, af
     assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
 
 
+POUND = 4.4482216152605
 UNITS = {
     "t_s": {"t_ms": 1e3, "Time (s)": 1.0, "time_us": 1e6, "time_min": 1.0 / 60.0},
     "displacement_m": {"disp_mm": 1e3, "x_cm": 1e2, "Stroke [um]": 1e6, "displacement_in": 1.0 / 0.0254},
     "velocity_mps": {"velocity_mm_s": 1e3, "v_m_s": 1.0, "Velocity, cm/s": 1e2, "v_mmps": 1e3},
-    "force_n": {"force_kN": 1e-3, "F_LBF": 1.0 / 4.4482216152605, "Force [kgf]": 1.0 / 9.80665, "f_n": 1.0},
+    "force_n": {
+        **{"force_kN": 1e-3, "F_LBF": 1.0 / POUND, "Load (lbs)": 1.0 / POUND, "Load [lb]": 1.0 / POUND},
+        **{"load_Lbf": 1.0 / POUND, "Load (kips)": 1e-3 / POUND, "load_kip": 1e-3 / POUND},
+        **{"Force [kgf]": 1.0 / 9.80665, "Load [tf]": 1e-3 / 9.80665, "f_n": 1.0},
+    },
 }
 
 
