@@ -15,6 +15,7 @@ import pytest
 from command_line import mrwork, printed
 from odd_files import MM, NEWTON, TIME, write_table
 from record_files import Columns, codes, write_text
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
 from mrwork.base.remark import RemarkKind, Verb
@@ -79,17 +80,13 @@ def recorded(frequency: float, *, amplitude: float = 0.01, n_time: int = 400, rn
     """A record of a Bingham damper, with the noise of a good rig."""
     spec = mr.damper("bingham")
     time = 0.005 * np.arange(n_time)
-    phase = 2.0 * np.pi * frequency * time
-    motion = {
-        "displacement": amplitude * np.sin(phase),
-        "velocity": 2.0 * np.pi * frequency * amplitude * np.cos(phase),
-    }
-    force = mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.005, **motion))
+    motion = harmonic(time, (amplitude, frequency))
+    force = mr.simulate_force(spec, spec.nominal, motion)
     noise = np.random.default_rng(rng).standard_normal((3, n_time))
     return {
         "t_s": time,
-        "displacement_m": motion["displacement"] + 5e-6 * noise[0],
-        "velocity_mps": motion["velocity"] + 1e-4 * noise[1],
+        "displacement_m": motion.displacement + 5e-6 * noise[0],
+        "velocity_mps": motion.velocity + 1e-4 * noise[1],
         "force_n": force + 5.0 * noise[2],
     }
 

@@ -12,13 +12,13 @@ import scipy.linalg
 from loop_samples import (
     LAG,
     LARGEST,
-    at_samples,
     devices,
     five_storeys,
     law_with_gains,
     plant_with,
     pushed,
     rd1005,
+    run_of,
     still,
     sweep,
 )
@@ -35,20 +35,6 @@ from tests.control.law_formulas import Recorded, commands
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 N_NOISE = 20_000
-
-
-def run_of(
-    loop: list[mr.Device],
-    law: mr.ControlLaw | UserLaw,
-    hardware: Hardware,
-    motion: GroundMotion | None = None,
-    building: mr.Building | None = None,
-) -> History:
-    response = simulate_loop(
-        building or five_storeys(), loop, law, [motion or sweep(1.0)], hardware, histories=True
-    )
-    assert response.outcome[0] == mr.dampers.Outcome.FINISHED
-    return at_samples(response)
 
 
 def onlookers(n: int = 2, *, lagged: bool = True) -> list[mr.Device]:

@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
 from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
@@ -88,15 +89,14 @@ def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay()
 def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 2e-3) -> mr.DamperTest:
     """Two seconds at 2 Hz and 20 mm, simulated at steps of an eighth of `dt`."""
     time = dt / 8 * np.arange(round(16.0 / dt) + 1)
-    displacement, velocity = 0.02 * np.sin(4.0 * np.pi * time), 0.08 * np.pi * np.cos(4.0 * np.pi * time)
-    loading = Loading(dt=dt / 8, displacement=displacement, velocity=velocity)
+    loading = harmonic(time, (0.02, 2.0))
     force = simulate_force(mr.damper(model), theta, loading, substep_factor=2)[::8]
     force = force + noise * np.std(force) * np.random.default_rng(0).standard_normal(force.size)
     return mr.test_from_arrays(
         name=model,
         time=time[::8],
-        displacement=displacement[::8],
-        velocity=velocity[::8],
+        displacement=loading.displacement[::8],
+        velocity=loading.velocity[::8],
         force=force,
         synthetic=True,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
 
@@ -20,8 +21,8 @@ def backlash_test(
     """A sinusoidal test of the rig with white noise of the force [N]."""
     amplitude, frequency = motion
     time = DT * np.arange(round(cycles / frequency / DT) + 1)
-    angle = 2.0 * np.pi * frequency * time
-    x, v = amplitude * np.sin(angle), 2.0 * np.pi * frequency * amplitude * np.cos(angle)
+    loading = harmonic(time, motion)
+    x, v = loading.displacement, loading.velocity
     scatter = np.random.default_rng(rng).standard_normal(time.size)
     return mr.test_from_arrays(
         name=f"{1e3 * amplitude:g} mm {frequency:g} Hz",

@@ -90,6 +90,20 @@ def at_samples(found: mr.Responses) -> mr.closed_loop.History:
     return mr.closed_loop.History(time=found.histories[0].time[:-1], numbers=numbers)
 
 
+def run_of(
+    loop: list[mr.Device],
+    law: mr.ControlLaw | mr.closed_loop.UserLaw,
+    hardware: mr.Hardware | None = None,
+    motion: mr.GroundMotion | None = None,
+    building: mr.Building | None = None,
+) -> mr.closed_loop.History:
+    """What a run that has finished looks like at its control samples, in the five storeys unless others are given."""
+    of = building or five_storeys(), loop, law, [motion or sweep(1.0)], hardware
+    response = mr.simulate_loop(*of, histories=True)
+    assert response.outcome[0] == mr.dampers.Outcome.FINISHED
+    return at_samples(response)
+
+
 def named_in(gains: dict[str, Floats], *names: str) -> dict[str, Floats]:
     return {name: gains[name] for name in names}
 
