@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from loop_samples import nothing
 from refusals import refusal
 
 import mrwork as mr
@@ -35,12 +36,7 @@ def shaken(building: mr.Building, peak: float) -> mr.Responses:
     pulse = mr.GroundMotion(
         name="pulse", dt=0.01, acceleration=peak * np.sin(12.0 * time) * np.exp(-1.5 * time)
     )
-    spec = mr.damper("dahl")
-    still = mr.Device(
-        name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0
-    )
-    law = mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
-    return mr.simulate_loop(building, [still], law, [pulse], histories=True)
+    return mr.simulate_loop(building, *nothing(building), [pulse], histories=True)
 
 
 def test_loops_take_the_place_of_their_stiffness_and_the_matrices_stay_elastic() -> None:

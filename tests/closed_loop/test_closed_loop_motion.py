@@ -14,6 +14,7 @@ from loop_samples import (
     five_storeys,
     friction,
     law_with_gains,
+    nothing,
     plant_with,
     rd1005,
     sweep,
@@ -32,14 +33,6 @@ CLOCK = Hardware(sample_time=0.01, step=0.01)
 
 def passive(n_devices: int = 1, command: float = 0.0) -> mr.ControlLaw:
     return mr.ControlLaw(name="passive", gains={"command": np.full(n_devices, command)})
-
-
-def nothing(building: Building) -> tuple[list[mr.Device], mr.ControlLaw]:
-    """An actuator that is told to give no force."""
-    spec, theta = friction()
-    device = mr.Device(name="none", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
-    n = building.n_coordinates
-    return [device], mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * n))})
 
 
 def dashpots(building: Building, coefficient: float) -> list[mr.Device]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from loop_samples import sweep
+from loop_samples import nothing, sweep
 from scipy.integrate import solve_ivp
 
 import mrwork as mr
@@ -41,15 +41,11 @@ KINDS: tuple[Callable[[], mr.Building], ...] = (isolated, swaying, several)
 
 
 def run(
-    building: mr.Building, motion: mr.GroundMotion, *, step: float = 1e-3, factor: int = 1, devices: int = 1
+    building: mr.Building, motion: mr.GroundMotion, *, step: float = 1e-3, factor: int = 1
 ) -> mr.Responses:
     """The building with an actuator that gives no force."""
-    spec = mr.damper("dahl")
-    row = building.storeys[0]
-    none = mr.Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0)
-    still = mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
     found = mr.simulate_loop(
-        building, [none], still, [motion], mr.Hardware(step=step), histories=True, step_factor=factor
+        building, *nothing(building), [motion], mr.Hardware(step=step), histories=True, step_factor=factor
     )
     assert found.outcome[0] == mr.dampers.Outcome.FINISHED
     return found

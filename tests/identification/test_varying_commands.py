@@ -15,9 +15,6 @@ from command_line import printed
 from numpy.typing import NDArray
 from record_files import write_test
 from refusals import command_refusal, refusal
-from report_samples import fit as sample_fit
-from report_samples import prediction
-from run_folders import write_fit
 from sentences import Refused
 from sinusoidal_tests import driven_test
 
@@ -35,9 +32,6 @@ from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records.damper_test import loading_of
-from mrwork.store.run_folder import PREDICTIONS, RunFolder
-from mrwork.store.run_writer import add_to_run
-from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.prediction import folds_of
 
 DT = 2e-3
@@ -356,16 +350,6 @@ def test_residuals_for_jax_follow_constant_and_varying_commands_together() -> No
     here = objective.residuals(THETA[None])[0]
     there = mr.jax.residuals(SPEC, (longer, shorter))(THETA)
     np.testing.assert_allclose(there, here, atol=1e-9)
-
-
-def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
-    tests = (record(switching), record(0.5))
-    content = predictions_content([mr.Prediction(test=test, model_force=test.force) for test in tests])
-    run = write_fit(tmp_path / "run", sample_fit(prediction()))
-    add_to_run(run, {PREDICTIONS: content})
-    stored = read_predictions(RunFolder.open(run))
-    np.testing.assert_array_equal(stored[0].test.current, tests[0].current)
-    assert stored[1].test.current == 0.5
 
 
 @pytest.mark.long

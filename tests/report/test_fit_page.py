@@ -315,10 +315,12 @@ def test_a_fit_without_local_minimisations_has_no_waterfall() -> None:
 @pytest.mark.contract
 def test_predictions_come_back_as_they_were_but_for_rounding(tmp_path: Path) -> None:
     made = prediction(n_time=400)
-    content = predictions_content([made])
+    switched = replace(made, test=replace(made.test, name="switched", current=np.arange(400) % 2.0))
+    content = predictions_content([made, switched])
     place = write_fit(tmp_path / "run", fit(made))
     add_to_run(place, {PREDICTIONS: content})
-    (read,) = read_predictions(RunFolder.open(place))
+    read, varied = read_predictions(RunFolder.open(place))
+    np.testing.assert_array_equal(varied.test.current, switched.test.current)
     assert (read.test.name, read.test.dt, read.test.current) == (made.test.name, made.test.dt, 0.5)
     np.testing.assert_allclose(read.model_force, made.model_force, rtol=1e-6, atol=1e-4)
     np.testing.assert_allclose(read.test.force, made.test.force, rtol=1e-6)

@@ -90,6 +90,14 @@ def at_samples(found: mr.Responses) -> mr.closed_loop.History:
     return mr.closed_loop.History(time=found.histories[0].time[:-1], numbers=numbers)
 
 
+def nothing(building: mr.Building) -> tuple[list[mr.Device], mr.ControlLaw]:
+    """An actuator that is told to give no force."""
+    spec, theta = friction()
+    device = mr.Device(name="none", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    n = building.n_coordinates
+    return [device], mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * n))})
+
+
 def run_of(
     loop: list[mr.Device],
     law: mr.ControlLaw | mr.closed_loop.UserLaw,
