@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from refusals import refusal
-from sinusoidal_tests import driven_test, sinusoidal_test
+from sinusoidal_tests import driven_test, harmonic, sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers.spec import law_limits
@@ -213,13 +213,9 @@ def test_a_coarse_test_that_the_search_leaves_out_is_simulated_by_the_fit(
 def sine_test(amplitude: float, frequency: float) -> DamperTest:
     """A test of a sinusoidal motion [m, Hz]; its force does not matter."""
     test = mr.synthetic_test("spencer1997")
-    phase = 2.0 * np.pi * frequency * test.dt * np.arange(test.n_time)
-    return replace(
-        test,
-        name=f"{amplitude:g}m {frequency:g}Hz",
-        displacement=amplitude * np.sin(phase),
-        velocity=2.0 * np.pi * frequency * amplitude * np.cos(phase),
-    )
+    loading = harmonic(test.dt * np.arange(test.n_time), (amplitude, frequency))
+    moved = {"displacement": loading.displacement, "velocity": loading.velocity}
+    return replace(test, name=f"{amplitude:g}m {frequency:g}Hz", **moved)
 
 
 def test_the_extremes_of_stroke_and_velocity_are_taken_in_the_order_of_the_tests() -> None:

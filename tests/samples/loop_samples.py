@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -96,6 +97,16 @@ def nothing(building: mr.Building) -> tuple[list[mr.Device], mr.ControlLaw]:
     device = mr.Device(name="none", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
     n = building.n_coordinates
     return [device], mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * n))})
+
+
+def under_a_sine(spec: mr.DamperSpec, theta: Sequence[float]) -> mr.Responses:
+    """One passive damper in the five storeys, with its history."""
+    building = five_storeys()
+    device = mr.Device(name="one", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    ground = 3.0 * np.sin(15.0 * np.arange(0.0, 2.0, 0.01))
+    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=ground)
+    law = mr.ControlLaw(name="passive", gains={"command": [[0.0]]})
+    return mr.simulate_loop(building, [device], law, [motion], histories=True)
 
 
 def run_of(
