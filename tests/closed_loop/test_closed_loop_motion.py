@@ -14,13 +14,13 @@ from loop_samples import (
     five_storeys,
     friction,
     law_with_gains,
+    linear_states,
     nothing,
     plant_with,
     rd1005,
     sweep,
 )
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim
 
 import mrwork as mr
 from mrwork.buildings import Building, buildings
@@ -43,17 +43,6 @@ def dashpots(building: Building, coefficient: float) -> list[mr.Device]:
         mr.Device(name=f"dashpot {i}", spec=mr.damper("bingham"), theta=theta, row=row, largest_command=1.0)
         for i, row in enumerate(rows)
     ]
-
-
-def exact(building: Building, motion: mr.GroundMotion, time: Floats, dashpot: float = 0.0) -> Floats:
-    """State over time by the exponential of the linear system under straight pieces, shape (n_time, 2n)."""
-    A, _, E = building.state_matrices()
-    rows = building.storeys[:2]
-    n = building.n_coordinates
-    A[n:, n:] -= dashpot * np.linalg.solve(building.mass, rows.T @ rows)
-    ground = np.interp(time, motion.time, motion.acceleration)
-    identity = np.eye(2 * n)
-    return np.asarray(lsim((A, E[:, None], identity, np.zeros((2 * n, 1))), ground, time)[2])
 
 
 def run_of(
@@ -80,7 +69,7 @@ def test_a_bare_building_moves_as_its_exponential(building: Building) -> None:
     loop, law = nothing(building)
     motion = sweep()
     run, _ = run_of(building, loop, law, motion, Hardware(sample_time=1e-3, step=2.5e-4))
-    expected = exact(building, motion, run.time)
+    expected = linear_states(building, motion, run.time)
     # (omega h)^4/120 over a few dozen radians of the slow modes, which are all that the sweep moves.
     assert relative(run.state, expected) < 1e-8
     n = building.n_coordinates
@@ -94,7 +83,7 @@ def test_the_error_of_a_smooth_run_falls_with_the_fourth_power_of_the_step() -> 
     errors = []
     for factor in (1, 2, 4, 8):
         run, _ = run_of(building, loop, passive(2), motion, CLOCK, step_factor=factor)
-        errors.append(relative(run.state, exact(building, motion, run.time, 3000.0 + 1e-5)))
+        errors.append(relative(run.state, linear_states(building, motion, run.time, 3000.0 + 1e-5)))
     ratios = np.array(errors[1:-1]) / np.array(errors[2:])
     np.testing.assert_allclose(ratios, 16.0, rtol=0.25)
 
@@ -290,7 +279,7 @@ def test_a_peak_at_the_end_of_the_record_is_one_of_the_run() -> None:
     time = np.arange(541) * 1e-3
     A, _, E = building.state_matrices()
     n, ground = building.n_coordinates, np.interp(time, motion.time, motion.acceleration)[:, None]
-    relative = exact(building, motion, time) @ A[n:].T + ground * E[n:]
+    relative = linear_states(building, motion, time) @ A[n:].T + ground * E[n:]
     shear = (relative + ground * building.influence) @ building.mass @ building.influence
     acceleration = relative @ building.floors.T + ground
     assert np.abs(shear).argmax() == np.abs(acceleration).max(axis=1).argmax() == len(time) - 1

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loop_samples import devices, five_storeys, law_with_gains, plant_with, rd1005, sweep
+from loop_samples import devices, five_storeys, law_with_gains, linear_states, plant_with, rd1005, sweep
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim
 
 import mrwork as mr
 from mrwork.closed_loop.own_runs import lacking_in_twin
@@ -63,24 +62,12 @@ def run(
     return mr.simulate_loop(building, [device], law, motions, hardware, histories=True)
 
 
-def states(building: mr.Building, motion: GroundMotion, time: Floats) -> Floats:
-    """State of a linear building by the exponential of its matrix under straight pieces."""
-    n, (A, _, E) = building.n_coordinates, building.state_matrices()
-    B = np.vstack([np.zeros((n, n)), np.linalg.solve(building.mass, building.floors.T)])
-    loads = np.column_stack(
-        [np.interp(time, motion.time, each) for each in (motion.acceleration, *motion.forces)]
-    )
-    return np.asarray(
-        lsim((A, np.column_stack([E, B]), np.eye(2 * n), np.zeros((2 * n, n + 1))), loads, time)[2]
-    )
-
-
 def test_gusts_over_a_moving_ground_move_a_linear_frame_as_its_matrix_exponential_says() -> None:
     building, motion = frame(), both()
     found = run(building, motion)
     history = found.histories[0]
     dense = np.arange(0.0, motion.duration + 1e-4, 1e-3)
-    exact = states(building, motion, dense)
+    exact = linear_states(building, motion, dense)
     assert history.state == pytest.approx(exact[::10], abs=1e-5 * np.abs(exact).max(), rel=0)
     x, v = exact[:, :3], exact[:, 3:]
     forces = np.column_stack([np.interp(dense, motion.time, each) for each in motion.forces])

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from scipy.signal import lsim
 
 import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
@@ -97,6 +98,20 @@ def nothing(building: mr.Building) -> tuple[list[mr.Device], mr.ControlLaw]:
     device = mr.Device(name="none", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
     n = building.n_coordinates
     return [device], mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * n))})
+
+
+def linear_states(
+    building: mr.Building, motion: mr.GroundMotion, time: Floats, dashpot: float = 0.0
+) -> Floats:
+    """State of a linear building by the exponential of its matrix under straight pieces, shape (n_time, 2n)."""
+    n, (A, _, E) = building.n_coordinates, building.state_matrices()
+    rows = building.storeys[:2]
+    A[n:, n:] -= dashpot * np.linalg.solve(building.mass, rows.T @ rows)
+    B = np.vstack([np.zeros((n, n)), np.linalg.solve(building.mass, building.floors.T)])
+    forces = motion.forces if np.size(motion.forces) else np.zeros((n, motion.n_time))
+    loads = np.column_stack([np.interp(time, motion.time, each) for each in (motion.acceleration, *forces)])
+    system = A, np.column_stack([E, B]), np.eye(2 * n), np.zeros((2 * n, n + 1))
+    return np.asarray(lsim(system, loads, time)[2])
 
 
 def under_a_sine(spec: mr.DamperSpec, theta: Sequence[float]) -> mr.Responses:
