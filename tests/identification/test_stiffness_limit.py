@@ -13,12 +13,14 @@ from sinusoidal_tests import harmonic
 
 import mrwork as mr
 from mrwork.dampers.simulation import simulate_force, stiffness_shares
+from mrwork.identification import Objective
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import fit_content
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.stiffness import nearest_below_stiffness
 from mrwork.identification.objective import friction_limit, up_to
 from mrwork.identification.result import BuildingCost
+from mrwork.records import DamperTest
 from mrwork.store.codec import built
 
 MODEL = mr.damper("normalised_modified_bouc_wen")
@@ -41,7 +43,7 @@ def parameters(**others: float) -> np.ndarray:
 
 
 @cache
-def slow_test() -> mr.DamperTest:
+def slow_test() -> DamperTest:
     """A test at 0.1 Hz and a step of 0.04 s, which resolves loops to a seventh of the sharpness of this one."""
     dt = 0.0025
     loading = harmonic(dt * np.arange(8_000), (0.025, 0.1))
@@ -60,7 +62,7 @@ def slow_test() -> mr.DamperTest:
 @pytest.mark.long
 def test_a_minimisation_slides_along_the_limit_of_stiffness() -> None:
     form = identifiable_form(MODEL, {})
-    objective = mr.identification.Objective.of(form.spec, (slow_test(),))
+    objective = Objective.of(form.spec, (slow_test(),))
     starts = parameters(rho=4e4, sigma=8.0, c0=1500.0)[None]
     found = find_minima(objective, form.box, starts, max_iterations=60)
     (share,) = stiffness_shares(MODEL, found.theta, objective.compared[0].history)
@@ -72,7 +74,7 @@ def test_a_minimisation_slides_along_the_limit_of_stiffness() -> None:
 
 def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay() -> None:
     form = identifiable_form(MODEL, {})
-    objective = mr.identification.Objective.of(form.spec, (slow_test(),))
+    objective = Objective.of(form.spec, (slow_test(),))
     below, far_above = parameters(rho=4e3, sigma=8.0), parameters(rho=4e5, sigma=800.0)
     (share,) = stiffness_shares(form.spec, below[None], objective.compared[0].history)
     above = parameters(rho=4e3 * 1.5 / share, sigma=8.0)
@@ -83,7 +85,7 @@ def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay()
     assert 0.9 < stiffness_shares(form.spec, moved[1:2], objective.compared[0].history)[0] <= 1.0
 
 
-def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 2e-3) -> mr.DamperTest:
+def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 2e-3) -> DamperTest:
     """Two seconds at 2 Hz and 20 mm, simulated at steps of an eighth of `dt`."""
     time = dt / 8 * np.arange(round(16.0 / dt) + 1)
     loading = harmonic(time, (0.02, 2.0))
@@ -105,7 +107,7 @@ NORMALISED = mr.damper("normalised_bouc_wen")
 def steps_of(fit: mr.Fit) -> float:
     """Sub-steps of a sample of 1 ms that the fit wants."""
     (test,) = fit.tests
-    history = mr.identification.Objective.of(fit.spec, fit.tests).compared[0].history
+    history = Objective.of(fit.spec, fit.tests).compared[0].history
     return float(256.0 * stiffness_shares(fit.spec, np.array([fit.theta]), history)[0] * 1e-3 / test.dt)
 
 
@@ -129,7 +131,7 @@ def test_stiffness_that_the_tests_show_is_fitted() -> None:
 def test_a_limited_objective_has_the_same_bits_below_its_limit_at_any_sampling() -> None:
     theta = np.array([(800.0, 500.0, 0.0, 900.0, rho, 0.5, 2.0) for rho in (1e3, 8e3, 1.2e4, 1e5)])
     for dt in (4e-3, 1e-3):
-        objective = mr.identification.Objective.of(
+        objective = Objective.of(
             NORMALISED, (sinusoid("normalised_bouc_wen", tuple(theta[0]), noise=0.0, dt=dt),)
         )
         limited = up_to(objective, friction_limit(objective.tests))

@@ -21,6 +21,7 @@ from sinusoidal_tests import driven_test, harmonic
 from study_samples import results
 
 import mrwork as mr
+from mrwork import Fit
 from mrwork.runs.export import matlab_names
 
 MODEL = "normalised_bouc_wen"
@@ -39,12 +40,12 @@ def measured(command: float) -> mr.DamperTest:
 
 
 @pytest.fixture(scope="module")
-def fit() -> mr.Fit:
+def fit() -> Fit:
     return mr.identify(LAWFUL, [measured(0.0), measured(0.5), measured(1.0)], bounds=HELD, threads=1)
 
 
 @pytest.fixture(scope="module")
-def plain(fit: mr.Fit) -> mr.Fit:
+def plain(fit: Fit) -> Fit:
     """A fit without laws."""
     return mr.identify(mr.damper(MODEL), measured(0.5), bounds=HELD, threads=1)
 
@@ -70,7 +71,7 @@ def table_of(path: Path) -> list[dict[str, str]]:
 # MATLAB
 
 
-def test_the_matlab_file_of_a_fit_has_its_parameters_with_their_units(fit: mr.Fit, tmp_path: Path) -> None:
+def test_the_matlab_file_of_a_fit_has_its_parameters_with_their_units(fit: Fit, tmp_path: Path) -> None:
     found = read_back(mr.export(fit, "mat", tmp_path / "fit.mat"))
     names = matlab_names(fit.parameters)
     assert names["k_w.0"] == "k_w_0"
@@ -141,7 +142,7 @@ def test_names_for_matlab_are_valid_distinct_and_short() -> None:
 
 
 def test_the_force_table_is_the_force_of_the_model_in_the_middle_of_the_stroke(
-    fit: mr.Fit, tmp_path: Path
+    fit: Fit, tmp_path: Path
 ) -> None:
     rows = table_of(mr.export(fit, "csv", tmp_path / "force.csv"))
     assert list(rows[0]) == ["command [A]", "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"]
@@ -157,7 +158,7 @@ def test_the_force_table_is_the_force_of_the_model_in_the_middle_of_the_stroke(
         assert force == pytest.approx(history[2000 if velocity > 0.0 else 2500], rel=1e-4)
 
 
-def test_a_force_table_at_one_command_has_no_other(fit: mr.Fit, tmp_path: Path) -> None:
+def test_a_force_table_at_one_command_has_no_other(fit: Fit, tmp_path: Path) -> None:
     rows = table_of(mr.export(fit, "csv", tmp_path / "force.csv", command="500 mA"))
     assert {row["command [A]"] for row in rows} == {"0.5"}
 
@@ -183,7 +184,7 @@ def arguments_in(text: str, material: str) -> list[list[float]]:
     return [[float(each) for each in re.findall(number, line)] for line in plain]
 
 
-def opensees_text(fit: mr.Fit, tmp_path: Path, name: str = "damper.tcl", **options: Any) -> str:
+def opensees_text(fit: Fit, tmp_path: Path, name: str = "damper.tcl", **options: Any) -> str:
     return mr.export(fit, "opensees", tmp_path / name, replace=True, **options).read_text()
 
 
@@ -195,7 +196,7 @@ def stated_step(text: str) -> float:
 
 @pytest.mark.parametrize("error", [0.05, 0.01])
 def test_the_exported_damper_keeps_the_stated_error_in_opensees(
-    error: float, fit: mr.Fit, tmp_path: Path
+    error: float, fit: Fit, tmp_path: Path
 ) -> None:
     text = opensees_text(fit, tmp_path, command="0.5 A", error=error)
     step = stated_step(text)
@@ -231,7 +232,7 @@ def test_the_exported_damper_keeps_the_stated_error_in_opensees(
 NAMES = ("alpha", "ko", "n", "gamma", "beta", "Ao", "deltaA", "deltaNu", "deltaEta")
 
 
-def test_tcl_and_python_make_the_same_materials(fit: mr.Fit, tmp_path: Path) -> None:
+def test_tcl_and_python_make_the_same_materials(fit: Fit, tmp_path: Path) -> None:
     tcl, python = (
         opensees_text(fit, tmp_path, name, command="0.5 A", error=0.01) for name in ("d.tcl", "d.py")
     )
@@ -240,7 +241,7 @@ def test_tcl_and_python_make_the_same_materials(fit: mr.Fit, tmp_path: Path) -> 
         assert arguments_in(tcl, material) == arguments_in(python, material) != []
 
 
-def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: mr.Fit, tmp_path: Path) -> None:
+def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: Fit, tmp_path: Path) -> None:
     # A library of the system may be missing, beside the package.
     ops = pytest.importorskip("openseespy.opensees", exc_type=(ImportError, RuntimeError))
     error = 0.01
@@ -267,7 +268,7 @@ def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: mr.F
 # Refusals
 
 
-def on_bound(fit: mr.Fit, name: str, value: float, **bounds: float) -> mr.Fit:
+def on_bound(fit: Fit, name: str, value: float, **bounds: float) -> Fit:
     """The fit with a parameter on its upper bound."""
     estimates = [
         replace(each, state="at upper bound", value=value, **bounds) if each.name == name else each
@@ -276,7 +277,7 @@ def on_bound(fit: mr.Fit, name: str, value: float, **bounds: float) -> mr.Fit:
     return replace(fit, estimates=tuple(estimates))
 
 
-def test_a_bound_of_the_model_is_exported_as_it_is(plain: mr.Fit, tmp_path: Path) -> None:
+def test_a_bound_of_the_model_is_exported_as_it_is(plain: Fit, tmp_path: Path) -> None:
     steep = mr.damper(MODEL).parameters[MODEL_NAMES.index("n")].upper
     at_bound = on_bound(plain, "n", steep, upper=steep, lower=1.0)
     text = mr.export(at_bound, "opensees", tmp_path / "damper.tcl", error=0.05).read_text()
@@ -284,7 +285,7 @@ def test_a_bound_of_the_model_is_exported_as_it_is(plain: mr.Fit, tmp_path: Path
     assert mr.export(at_bound, "csv", tmp_path / "damper.csv").read_text().startswith("velocity")
 
 
-def test_what_cannot_be_exported_is_refused(fit: mr.Fit, plain: mr.Fit, tmp_path: Path) -> None:
+def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path) -> None:
     out = tmp_path / "out"
     at_bound = on_bound(plain, "c", 2000.0, upper=2000.0)
     # A coefficient has a range of search where none was given.
@@ -307,7 +308,7 @@ def test_what_cannot_be_exported_is_refused(fit: mr.Fit, plain: mr.Fit, tmp_path
     assert not out.exists()
 
 
-def test_a_file_that_is_there_is_replaced_only_where_that_is_said(fit: mr.Fit, tmp_path: Path) -> None:
+def test_a_file_that_is_there_is_replaced_only_where_that_is_said(fit: Fit, tmp_path: Path) -> None:
     place = tmp_path / "fit.mat"
     place.write_text("mine")
     refusal(mr.export, fit, "mat", place, match="replace=True")
@@ -344,7 +345,7 @@ def test_an_export_says_what_the_record_adds_to_the_force_of_the_damper(tmp_path
     assert {row["remark"] for row in rows} == {fit.observation_in_words}
 
 
-def test_a_damper_is_printed_in_a_folder_that_names_it(fit: mr.Fit, tmp_path: Path) -> None:
+def test_a_damper_is_printed_in_a_folder_that_names_it(fit: Fit, tmp_path: Path) -> None:
     folder = mr.export(fit, "c", tmp_path / "rig damper")
     assert {each.name for each in folder.iterdir()} == {"rig_damper.h", "rig_damper.c", "rig_damper_check.c"}
     head = (folder / "rig_damper.h").read_text()
@@ -361,7 +362,7 @@ def test_the_command_tells_what_printed_code_does_between_samples(run: Path, tmp
     assert said["notes"][0].startswith("Between samples the motion is straight")
 
 
-def test_what_is_not_printed_is_refused(fit: mr.Fit, tmp_path: Path) -> None:
+def test_what_is_not_printed_is_refused(fit: Fit, tmp_path: Path) -> None:
     refusal(mr.export, fit, "c", tmp_path / "a", law="passive", match="a fit has no control law")
     refusal(mr.export, fit, "csv", tmp_path / "a.csv", single=True, match="only for an export to c")
     refusal(mr.export, fit, "c", tmp_path / "***", match="no letter or digit")
