@@ -53,7 +53,6 @@ held = {{"k0": (2500.0, 2500.0), "x0": (0.038, 0.038), "n": (2.0, 2.0)}}
 fit = mr.identify("bouc_wen", test, bounds=held)
 """
 JAX = ("jax", "equinox", "optimistix", "numpyro")
-NO_JAX = f"\nassert not {set(JAX)} & set(sys.modules)"
 # Steps of one process, one after the other, and the packages that each must not load.
 STEPS = {
     "an identification of a plain model": ("mr.identify('bingham', test)", ("scipy", *JAX)),
@@ -133,19 +132,6 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
 @pytest.mark.parametrize("step", STEPS)
 def test_no_heavy_package_is_loaded_where_it_is_not_needed(step: str, loaded: dict[str, list[str]]) -> None:
     assert not loaded[step]
-
-
-def test_the_command_that_identifies_and_reports_loads_no_jax(tmp_path: Path) -> None:
-    in_fresh_process(
-        "import sys; from mrwork.cli import main\n"
-        "try: main(sys.argv[1:])\n"
-        f"except SystemExit as ended: assert not ended.code{NO_JAX}",
-        "identify",
-        "synthetic:spencer1997",
-        "--model=bingham",
-        "--every=8",
-        f"--out={tmp_path / 'run'}",
-    )
 
 
 @pytest.mark.long

@@ -11,16 +11,11 @@ import study_samples
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.base.numbers import counted
 from mrwork.report.fit.parameters import caution  # the one sentence of the page on standard errors
 from mrwork.search import EfficientGA, StopRules, run_search
 from mrwork.search.rules import ended_in_words
 
 pytestmark = pytest.mark.words
-
-
-def test_one_thing_has_no_plural() -> None:
-    assert [counted(number, "motion") for number in (0, 1, 2)] == ["0 motions", "1 motion", "2 motions"]
 
 
 def test_a_search_says_in_words_why_it_ended() -> None:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import study_samples
-from loop_samples import devices, five_storeys, rd1005
-from plotted_results import draws, front, profiles
+from plotted_results import draws, front, profiles, responses
 from posterior_samples import MODEL, small_fit, small_test
 from refusals import refusal
 from run_folders import choice_of_laws, ranking_of_two, write_fit
@@ -23,22 +21,6 @@ from mrwork.store.codec import json_document
 from mrwork.store.run_folder import DRAWS, PROFILES, RANKING
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.posterior.draws import draws_content
-
-
-@cache
-def responses(*, histories: bool = False) -> mr.Responses:
-    """Three candidates under two motions with two draws of two dampers in five storeys."""
-    spec, theta = rd1005()
-    frame = five_storeys()
-    draws = np.stack([theta, 1.1 * theta])
-    pair = [replace(each, theta=draws) for each in devices((spec, theta), of=frame)]
-    law = mr.ControlLaw(name="passive", gains={"command": [[0.0, 0.0], [0.5, 1.0], [1.5, 1.0]]})
-    motions = [
-        replace(mr.synthetic_motion(rng=seed, duration=1.0, peak=3.0), name=f"motion {seed}")
-        for seed in (1, 2)
-    ]
-    return mr.simulate_loop(frame, pair, law, motions, histories=histories)
-
 
 RUN = ("candidate", "motion", "realisation")
 STUDY = ("row", "motion", "realisation")
@@ -75,7 +57,7 @@ TYPES: dict[str, tuple[Callable[[], Any], tuple[str, ...], dict[str, tuple[str, 
         {"peak_drift": (*RUN, "storey"), "peak_force": (*RUN, "device"), "peak_base_shear": RUN},
     ),
     "history": (
-        lambda: responses(histories=True).histories[0],  # type: ignore[index] # histories were asked for
+        lambda: responses(1.0, 1.1).histories[0],  # type: ignore[index] # histories were asked for
         ("time",),
         {"drift": ("time", "storey"), "force": ("time", "device"), "input_energy": ("time",)},
     ),
@@ -131,7 +113,7 @@ def test_every_axis_survives_with_names_units_and_words(kind: str) -> None:
 
 
 def test_a_quantity_keeps_its_axes_without_reshaping_by_hand() -> None:
-    found = responses()
+    found = responses(1.0, 1.1)
     drift = found.over_axes("peak_drift")
     assert drift.shape == (3, 2, 2, 5)
     labelled = found.to_xarray()["peak_drift"]
@@ -144,16 +126,6 @@ def test_a_quantity_keeps_its_axes_without_reshaping_by_hand() -> None:
     refusal(found.over_axes, "peak_drft", match="did you mean peak_drift")
     alike = replace(found, motions=("synthetic", "synthetic"))
     assert alike.to_xarray()["motion"].values.tolist() == [0, 1]
-
-
-def test_a_study_is_two_groups_and_one_table() -> None:
-    results = study_samples.results()
-    tree = results.to_xarray()
-    assert sorted(tree.children) == ["criteria", "quantities"]
-    table = results.to_pandas()
-    row, motion = results.rows[1].label, results.motions[0].name
-    assert table.loc[(row, motion, "nominal"), "peak_drift"] == results.criteria(1, 0)["peak_drift"]  # type: ignore[index] # it finished
-    assert table.attrs["long_name"]["peak_drift"]
 
 
 def test_a_loaded_run_is_whole_and_the_same_when_loaded_twice(tmp_path: Path) -> None:

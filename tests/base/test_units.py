@@ -7,7 +7,7 @@ import math
 import hypothesis.strategies as st
 import pytest
 from examples import examples
-from hypothesis import given
+from hypothesis import assume, given
 from refusals import refusal
 
 from mrwork.base.units import FACTORS, factor_of, factor_to_si, number_in, quantity_of
@@ -58,12 +58,13 @@ SI = {quantity: next(iter(units)) for quantity, units in FACTORS.items()}
 @given(
     unit=st.sampled_from(EVERY_UNIT),
     number=st.floats(allow_nan=False, allow_infinity=False),
-    blanks=st.sampled_from([" ", "  ", " \t"]),
+    blanks=st.sampled_from(["", " ", "  ", " \t"]),
 )
 def test_a_number_with_its_unit_is_the_number_times_the_factor(
     unit: tuple[str, str], number: float, blanks: str
 ) -> None:
     quantity, symbol = unit
+    assume(blanks or symbol[0] != "1")
     found = number_in(f"{number!r}{blanks}{symbol}", SI[quantity])
     assert isinstance(found, float)
     assert found == number * FACTORS[quantity][symbol]

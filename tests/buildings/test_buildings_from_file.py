@@ -13,29 +13,10 @@ from numpy.typing import NDArray
 from refusals import refusal
 from scipy.io import savemat
 
+import mrwork as mr
 from mrwork.base.documents import read_table
 from mrwork.base.places import Place
-from mrwork.buildings import (
-    Building,
-    building,
-    buildings,
-    read_building,
-    shear_building,
-    with_base_isolation_of_period,
-    with_brace,
-    with_friction_damper,
-    with_lead_rubber_bearings,
-    with_liquid_column,
-    with_modal_damping,
-    with_optimal_liquid_column,
-    with_optimal_tuned_mass,
-    with_rayleigh_coefficients,
-    with_rayleigh_damping,
-    with_viscous_damper,
-    with_yielding_damper,
-)
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.errors import MrworkWarning
 
 WORKSPACE = {
     "M": np.diag([2.0, 1.0]), "K": np.array([[5.0, -2.0], [-2.0, 2.0]]), "C": np.array([[0.5, -0.2], [-0.2, 0.2]]),
@@ -53,13 +34,13 @@ storey_damping = [0.3, 0.2]
 """
 
 
-def stated(text: str, folder: Path = Path()) -> Building:
+def stated(text: str, folder: Path = Path()) -> mr.Building:
     place = Place(origin="study.toml", path=("building",))
     with place.prefix_errors():
         return read_table(BuildingTable, tomllib.loads(text), place).build(folder)
 
 
-def assert_same(ours: Building, theirs: Building) -> None:
+def assert_same(ours: mr.Building, theirs: mr.Building) -> None:
     for field in FIELDS:
         np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), rtol=1e-14)
     assert (ours.floor_names, ours.storey_names) == (theirs.floor_names, theirs.storey_names)
@@ -67,8 +48,10 @@ def assert_same(ours: Building, theirs: Building) -> None:
     assert ours.elements == theirs.elements
 
 
-def frame() -> Building:
-    return shear_building(name="frame", masses=[2.0, 1.0], stiffnesses=[3.0, 2.0], storey_damping=[0.3, 0.2])
+def frame() -> mr.Building:
+    return mr.buildings.shear_building(
+        name="frame", masses=[2.0, 1.0], stiffnesses=[3.0, 2.0], storey_damping=[0.3, 0.2]
+    )
 
 
 def test_every_way_to_write_a_building_gives_the_same(tmp_path: Path) -> None:
@@ -87,12 +70,12 @@ def test_every_way_to_write_a_building_gives_the_same(tmp_path: Path) -> None:
     )
     mat, toml = ("v5", "v4", "struct"), ("matrices", "shear", "other", "files")
     for name in ("folder", *(f"{name}.mat" for name in mat), *(f"{name}.toml" for name in toml)):
-        assert_same(read_building(tmp_path / name), frame())
+        assert_same(mr.buildings.read_building(tmp_path / name), frame())
 
 
 def test_equal_storeys_are_said_once() -> None:
     short = stated("n_storeys = 3\nmasses = [2.0]\nstiffnesses = [5.0, 4.0, 3.0]\nstorey_damping = [0.1]")
-    long = shear_building(
+    long = mr.buildings.shear_building(
         name="frame", masses=[2.0] * 3, stiffnesses=[5.0, 4.0, 3.0], storey_damping=[0.1] * 3
     )
     assert_same(short, long)
@@ -100,14 +83,14 @@ def test_equal_storeys_are_said_once() -> None:
 
 def test_a_building_is_named_by_its_file_unless_it_says_otherwise(tmp_path: Path) -> None:
     (tmp_path / "tower.toml").write_text(SHEAR)
-    assert read_building(tmp_path / "tower.toml").name == "tower"
+    assert mr.buildings.read_building(tmp_path / "tower.toml").name == "tower"
     (tmp_path / "tower.toml").write_text(SHEAR + 'name = "north tower"')
-    assert read_building(tmp_path / "tower.toml").name == "north tower"
+    assert mr.buildings.read_building(tmp_path / "tower.toml").name == "north tower"
 
 
-@pytest.mark.parametrize("known", buildings(), ids=lambda known: known.name)
+@pytest.mark.parametrize("known", mr.buildings.buildings(), ids=lambda known: known.name)
 def test_a_published_building_can_be_stated_by_its_matrices_to_the_bit(
-    known: Building, tmp_path: Path
+    known: mr.Building, tmp_path: Path
 ) -> None:
     rows = {key: getattr(known, key).tolist() for key in ("mass", "damping", "stiffness")}
     path = tmp_path / "known.toml"
@@ -115,7 +98,7 @@ def test_a_published_building_can_be_stated_by_its_matrices_to_the_bit(
         "\n".join(f"{key} = {value}" for key, value in rows.items())
         + f"\nfloor_names = {list(known.floor_names)}"
     )
-    again = read_building(path)
+    again = mr.buildings.read_building(path)
     for field in FIELDS:
         np.testing.assert_array_equal(getattr(again, field), getattr(known, field))
     assert again.floor_names == known.floor_names
@@ -123,7 +106,7 @@ def test_a_published_building_can_be_stated_by_its_matrices_to_the_bit(
 
 
 def test_a_file_is_no_name_of_a_published_building() -> None:
-    refusal(building, "frame.mat", match=r"mr.buildings.read_building\('frame.mat'\)")
+    refusal(mr.building, "frame.mat", match=r"mr.buildings.read_building\('frame.mat'\)")
 
 
 def test_a_published_building_can_be_changed() -> None:
@@ -131,7 +114,7 @@ def test_a_published_building_can_be_changed() -> None:
     assert (changed.name, changed.storey_names, changed.status) == ("ours", ("a", "b", "c"), "verified")
     heavier = stated('published = "dyke1996"\nmass = [[100.0, 0, 0], [0, 100.0, 0], [0, 0, 100.0]]')
     np.testing.assert_array_equal(heavier.mass, 100.0 * np.eye(3))
-    np.testing.assert_array_equal(heavier.stiffness, building("dyke1996").stiffness)
+    np.testing.assert_array_equal(heavier.stiffness, mr.building("dyke1996").stiffness)
     assert heavier.status == "ours"
     assert heavier.source.endswith("mass replaced")
     own = 'source = "a book"\nmass = [[100.0, 0, 0], [0, 100.0, 0], [0, 0, 100.0]]'
@@ -141,42 +124,45 @@ def test_a_published_building_can_be_changed() -> None:
 @pytest.mark.parametrize(
     ("text", "function"),
     [
-        ("[rayleigh]\nratios = [0.02, 0.03]\nmodes = [1, 3]", with_rayleigh_damping),
-        ("[rayleigh]\na0 = 0.309478\na1 = 1.89972e-4", with_rayleigh_coefficients),
-        ("[modal_damping]\nratios = [0.02]", with_modal_damping),
-        ("[isolation]\nmass = 400.0\nperiod = 2.0\nratio = 0.1", with_base_isolation_of_period),
+        ("[rayleigh]\nratios = [0.02, 0.03]\nmodes = [1, 3]", mr.buildings.with_rayleigh_damping),
+        ("[rayleigh]\na0 = 0.309478\na1 = 1.89972e-4", mr.buildings.with_rayleigh_coefficients),
+        ("[modal_damping]\nratios = [0.02]", mr.buildings.with_modal_damping),
+        ("[isolation]\nmass = 400.0\nperiod = 2.0\nratio = 0.1", mr.buildings.with_base_isolation_of_period),
         (
             '[[viscous]]\nstorey = 1\ndamping = 1e3\n[[viscous]]\nstorey = "storey 2"\ndamping = 5e2',
-            with_viscous_damper,
+            mr.buildings.with_viscous_damper,
         ),
-        ("[brace]\nstorey = 1\nstiffness = 5e6\nmass = 0.3", with_brace),
-        ('[tuned_mass]\nfloor = "floor 5"\nmass_ratio = 0.02\ntuning = "sadek"', with_optimal_tuned_mass),
+        ("[brace]\nstorey = 1\nstiffness = 5e6\nmass = 0.3", mr.buildings.with_brace),
+        (
+            '[tuned_mass]\nfloor = "floor 5"\nmass_ratio = 0.02\ntuning = "sadek"',
+            mr.buildings.with_optimal_tuned_mass,
+        ),
         (
             "[yielding]\nstorey = 1\nyield_force = 1e3\nyield_displacement = 2e-3\nsharpness = 6",
-            with_yielding_damper,
+            mr.buildings.with_yielding_damper,
         ),
         (
             "[[friction]]\nstorey = 1\nslip_load = 500\nstiffness = 1e6\n"
             '[[friction]]\nstorey = 2\nslip_load = 400\nstiffness = 1e6\nname = "upper"',
-            with_friction_damper,
+            mr.buildings.with_friction_damper,
         ),
         (
             "[lead_rubber]\nmass = 330\nperiod = 2.0\nyield_force = 800\nratio = 0.02",
-            with_lead_rubber_bearings,
+            mr.buildings.with_lead_rubber_bearings,
         ),
         (
             "[liquid_column]\nfloor = 5\nmass = 20\nfrequency = 2.9\nwidth_ratio = 0.7\nhead_loss = 3",
-            with_liquid_column,
+            mr.buildings.with_liquid_column,
         ),
         (
             "[liquid_column]\nfloor = 5\nmass_ratio = 0.02\nwidth_ratio = 0.7\nrms_velocity = 0.1",
-            with_optimal_liquid_column,
+            mr.buildings.with_optimal_liquid_column,
         ),
     ],
 )
-def test_a_table_puts_in_what_its_function_puts_in(text: str, function: Callable[..., Building]) -> None:
+def test_a_table_puts_in_what_its_function_puts_in(text: str, function: Callable[..., mr.Building]) -> None:
     (table,) = tomllib.loads(text).values()
-    expected = building("uts")
+    expected = mr.building("uts")
     for arguments in table if isinstance(table, list) else [table]:
         expected = function(expected, **arguments)
     assert_same(stated(f'published = "uts"\n{text}'), expected)
@@ -246,18 +232,20 @@ def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path)
 def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path) -> None:
     savemat(tmp_path / "plant.mat", {"A": np.eye(2), "B": np.ones((2, 1))})
     refusal(
-        read_building,
+        mr.buildings.read_building,
         tmp_path / "plant.mat",
         match=r"found nothing in .*plant.mat; not used: 'A' \(2 x 2\), 'B'",
     )
     savemat(tmp_path / "plant.mat", {"M": np.eye(2), "k": np.eye(2)})
-    refusal(read_building, tmp_path / "plant.mat", match=r"found mass in .*; not used: 'k' \(2 x 2\)")
+    refusal(
+        mr.buildings.read_building, tmp_path / "plant.mat", match=r"found mass in .*; not used: 'k' \(2 x 2\)"
+    )
 
 
 def test_what_a_workspace_has_beside_the_matrices_is_listed(tmp_path: Path) -> None:
     numbers = {"m": 1.0, "masses": [2.0, 1.0], "stiffness": [3.0, 2.0], "r": 0.3, "storeys": 2.0}
     savemat(tmp_path / "all.mat", {**WORKSPACE, **numbers})
-    read = read_building(append(tmp_path / "all.mat", object_of("sys")))
+    read = mr.buildings.read_building(append(tmp_path / "all.mat", object_of("sys")))
     assert_same(read, frame())
     beside = ("'m' (1 x 1)", "'stiffness' (1 x 2)", "'r' (1 x 1)", "'sys' (an object of class ss)")
     assert all(name in read.source for name in beside)
@@ -293,21 +281,27 @@ def test_units_are_of_the_numbers_in_the_matrices(tmp_path: Path) -> None:
 
 def test_of_two_matrices_that_differ_one_is_named_by_a_key(tmp_path: Path) -> None:
     savemat(tmp_path / "two.mat", {**WORKSPACE, "mass": np.eye(2), "model": {"M": WORKSPACE["M"]}})
-    refusal(read_building, tmp_path / "two.mat", match=r"mass may be 'M' or 'mass'.* mass = \"two.mat:M\"")
+    refusal(
+        mr.buildings.read_building,
+        tmp_path / "two.mat",
+        match=r"mass may be 'M' or 'mass'.* mass = \"two.mat:M\"",
+    )
     for name in ("M", "model.M"):
         assert_same(stated(f'file = "two.mat"\nmass = "two.mat:{name}"', tmp_path), frame())
     matrices = 'mass = "two.mat:M"\nstiffness = "two.mat:K"\ndamping = "two.mat:C"'
     assert_same(stated(matrices, tmp_path), frame())
     savemat(tmp_path / "equal.mat", {**WORKSPACE, "mass": WORKSPACE["M"]})
-    assert_same(read_building(tmp_path / "equal.mat"), frame())
+    assert_same(mr.buildings.read_building(tmp_path / "equal.mat"), frame())
     (tmp_path / "folder").mkdir()
     for name, matrix in {**WORKSPACE, "mass": np.eye(2)}.items():
         np.savetxt(tmp_path / "folder" / f"{name}.csv", matrix, delimiter=",")
-    refusal(read_building, tmp_path / "folder", match='mass = "folder/M.csv"')
+    refusal(mr.buildings.read_building, tmp_path / "folder", match='mass = "folder/M.csv"')
     (tmp_path / "folder" / "mass.csv").rename(tmp_path / "folder" / "notes.csv")
-    assert "not used: 'notes.csv' (not read)" in read_building(tmp_path / "folder").source
+    assert "not used: 'notes.csv' (not read)" in mr.buildings.read_building(tmp_path / "folder").source
     (tmp_path / "folder" / "notes.csv").rename(tmp_path / "folder" / "M.txt")
-    refusal(read_building, tmp_path / "folder", match=r"has M\.(csv|txt) and M\.(csv|txt); keep one")
+    refusal(
+        mr.buildings.read_building, tmp_path / "folder", match=r"has M\.(csv|txt) and M\.(csv|txt); keep one"
+    )
     savemat(tmp_path / "space.mat", {"A": A, "B": B, "M": np.eye(2), "mass": 2.0 * np.eye(2)})
     refusal(stated, 'system = "space.mat"', tmp_path, match="mass may be 'M' or 'mass'")
 
@@ -325,7 +319,7 @@ def test_heights_are_those_of_storeys_and_of_no_addition() -> None:
     refusal(stated, f"{SHEAR}heights = [3.0]", match="1 number for 2 storeys")
 
 
-FRAME = building("uts")
+FRAME = mr.building("uts")
 A, B, E = FRAME.state_matrices()
 ORDERS = {
     "displacements first": np.arange(10),
@@ -361,7 +355,7 @@ def test_a_state_space_is_the_building_that_it_was_made_of_whatever_the_order_of
 @pytest.mark.filterwarnings("ignore:.*there is no M")
 def test_a_state_space_without_masses_moves_right_and_takes_no_forces(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"A": A})
-    with pytest.warns(MrworkWarning, match="there is no M"):
+    with pytest.warns(mr.errors.MrworkWarning, match="there is no M"):
         known = stated('system = "a.mat"\n[rayleigh]\na0 = 0.1\na1 = 0.0', tmp_path)
     np.testing.assert_allclose(known.frequencies, FRAME.frequencies, rtol=1e-9)
     text = 'system = "a.mat"\n[[viscous]]\nstorey = 1\ndamping = 1.0'

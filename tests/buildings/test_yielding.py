@@ -8,43 +8,35 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from loop_samples import nothing
 from refusals import refusal
 
 import mrwork as mr
 from mrwork.base.values import Floats
-from mrwork.buildings import Building
-from mrwork.closed_loop import Responses
-from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
-from mrwork.control import ControlLaw
 
 of = mr.buildings
 MASSES, STIFFNESSES, HEIGHTS = [3e4, 2e4], [2e7, 1.5e7], [4.0, 3.0]
 YIELD = 0.01
 
 
-def frame() -> Building:
+def frame() -> mr.Building:
     built = of.shear_building(name="frame", masses=MASSES, stiffnesses=STIFFNESSES, heights=HEIGHTS)
     return of.with_rayleigh_damping(built, ratios=(0.03, 0.03))
 
 
-def yielding(sharpness: float = 4.0) -> Building:
+def yielding(sharpness: float = 4.0) -> mr.Building:
     return of.with_storeys_that_yield(
         frame(), yield_drift=YIELD, post_yield_ratio=[0.05, 0.1], sharpness=sharpness
     )
 
 
-def shaken(building: Building, peak: float) -> Responses:
+def shaken(building: mr.Building, peak: float) -> mr.Responses:
     """Without dampers, under a pulse that rings and rests."""
     time = np.arange(0.0, 6.0, 0.01)
     pulse = mr.GroundMotion(
         name="pulse", dt=0.01, acceleration=peak * np.sin(12.0 * time) * np.exp(-1.5 * time)
     )
-    spec = mr.damper("dahl")
-    still = mr.Device(
-        name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0
-    )
-    law = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
-    return mr.simulate_loop(building, [still], law, [pulse], histories=True)
+    return mr.simulate_loop(building, *nothing(building), [pulse], histories=True)
 
 
 def test_loops_take_the_place_of_their_stiffness_and_the_matrices_stay_elastic() -> None:
@@ -55,7 +47,7 @@ def test_loops_take_the_place_of_their_stiffness_and_the_matrices_stay_elastic()
     loops = sum(
         each.yield_force / each.yield_displacement * np.outer(each.row, each.row) for each in yields.elements
     )
-    weights = STANDARD_GRAVITY * np.array([sum(MASSES), MASSES[1]])
+    weights = mr.closed_loop.STANDARD_GRAVITY * np.array([sum(MASSES), MASSES[1]])
     np.testing.assert_allclose(yields.loads, weights)
     geometric = rows.T @ np.diag(weights / HEIGHTS) @ rows
     np.testing.assert_allclose(yields.site_stiffness + loops + geometric, elastic.stiffness, rtol=1e-12)

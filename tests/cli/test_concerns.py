@@ -15,13 +15,11 @@ import pytest
 from command_line import mrwork, printed
 from odd_files import MM, NEWTON, TIME, write_table
 from record_files import Columns, codes, write_text
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
-from mrwork import records
 from mrwork.base.remark import RemarkKind, Verb
-from mrwork.dampers import damper
 from mrwork.identification.minimise import polish
-from mrwork.records import DamperTest, read_damper_test
 from mrwork.records.remarks import remarks_for
 
 VERBS: tuple[Verb, ...] = get_args(Verb)
@@ -34,7 +32,7 @@ PLAIN = mr.synthetic_test("spencer1997_fast")
 
 def declared() -> dict[str, RemarkKind]:
     """Every kind of remark that a module of the records declares, by its code."""
-    modules = [import_module(f"mrwork.records.{each.name}") for each in iter_modules(records.__path__)]
+    modules = [import_module(f"mrwork.records.{each.name}") for each in iter_modules(mr.records.__path__)]
     values = [value for module in modules for value in vars(module).values()]
     values += [inner for value in values if isinstance(value, dict) for inner in value.values()]
     return {value.code: value for value in values if isinstance(value, RemarkKind)}
@@ -43,7 +41,7 @@ def declared() -> dict[str, RemarkKind]:
 DECLARED = declared()
 
 
-def has_remark(code: str, **changes: Any) -> DamperTest:
+def has_remark(code: str, **changes: Any) -> mr.DamperTest:
     remark = replace(DECLARED[code], text=f"it has {code}", cure="do something").remark()
     return replace(PLAIN, **{"remarks": (remark,), "sha256": code, **changes})
 
@@ -57,7 +55,7 @@ def test_a_verb_says_a_remark_where_the_table_has_it(verb: Verb) -> None:
         assert said == ([code] if verb in kind.verbs else [])
 
 
-def set_with(code: str) -> list[DamperTest]:
+def set_with(code: str) -> list[mr.DamperTest]:
     plain = replace(PLAIN, remarks=(), current=1.0)
     if code == "record_repeated":
         return [replace(plain, name="first", path="a.csv"), replace(plain, name="second", path="b.csv")]
@@ -80,19 +78,15 @@ def test_check_says_everything_and_identify_all_that_it_does_not_refuse() -> Non
 
 def recorded(frequency: float, *, amplitude: float = 0.01, n_time: int = 400, rng: int = 0) -> Columns:
     """A record of a Bingham damper, with the noise of a good rig."""
-    spec = damper("bingham")
+    spec = mr.damper("bingham")
     time = 0.005 * np.arange(n_time)
-    phase = 2.0 * np.pi * frequency * time
-    motion = {
-        "displacement": amplitude * np.sin(phase),
-        "velocity": 2.0 * np.pi * frequency * amplitude * np.cos(phase),
-    }
-    force = mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.005, **motion))
+    motion = harmonic(time, (amplitude, frequency))
+    force = mr.simulate_force(spec, spec.nominal, motion)
     noise = np.random.default_rng(rng).standard_normal((3, n_time))
     return {
         "t_s": time,
-        "displacement_m": motion["displacement"] + 5e-6 * noise[0],
-        "velocity_mps": motion["velocity"] + 1e-4 * noise[1],
+        "displacement_m": motion.displacement + 5e-6 * noise[0],
+        "velocity_mps": motion.velocity + 1e-4 * noise[1],
         "force_n": force + 5.0 * noise[2],
     }
 
@@ -124,7 +118,7 @@ class Run:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Run:
     place = tmp_path_factory.mktemp("concerns")
     files = strange_records(place / "rig")
-    found = frozenset(code for file in files for code in codes(read_damper_test(file)))
+    found = frozenset(code for file in files for code in codes(mr.read_damper_test(file)))
     small = ("--model", "bingham", "--generations", "3", "--threads", "1", "--quiet", "--json")
     text = printed("identify", *files, *small, "--out", place / "run")
     assert told(json.loads(text)) == {code for code in found if "identify" in DECLARED[code].verbs}

@@ -12,29 +12,23 @@ import scipy.linalg
 from loop_samples import (
     LAG,
     LARGEST,
-    at_samples,
     devices,
     five_storeys,
     law_with_gains,
     plant_with,
     pushed,
     rd1005,
+    run_of,
     still,
     sweep,
 )
 from refusals import refusal
 
 import mrwork as mr
-from mrwork import Device
-from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, simulate_loop
 from mrwork.closed_loop.hardware import refuse_unread
 from mrwork.closed_loop.observer import loop_observer
-from mrwork.control import ControlLaw
-from mrwork.control.linear.lqr import observer_of
 from mrwork.control.linear.plant import accelerations, deformations, plant_of, stack_outputs
-from mrwork.dampers.simulation import Outcome
-from mrwork.errors import MrworkWarning
 from mrwork.motions import GroundMotion
 from tests.control.law_formulas import Recorded, commands
 
@@ -43,35 +37,21 @@ Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 N_NOISE = 20_000
 
 
-def run_of(
-    loop: list[Device],
-    law: ControlLaw | UserLaw,
-    hardware: Hardware,
-    motion: GroundMotion | None = None,
-    building: Building | None = None,
-) -> History:
-    response = simulate_loop(
-        building or five_storeys(), loop, law, [motion or sweep(1.0)], hardware, histories=True
-    )
-    assert response.outcome[0] == Outcome.FINISHED
-    return at_samples(response)
-
-
-def onlookers(n: int = 2, *, lagged: bool = True) -> list[Device]:
+def onlookers(n: int = 2, *, lagged: bool = True) -> list[mr.Device]:
     """Dashpots that do not care for their command, so that nothing of it comes back to the building."""
     spec = mr.damper("bingham").with_current_laws({"c0": "linear"}, lagged=lagged)
     theta = [1e-3, 1e2, 2000.0, 0.0, 0.0, LAG][: 6 if lagged else 5]
     rows = five_storeys().storeys
     return [
-        Device(name=f"onlooker {i}", spec=spec, theta=theta, row=rows[i], largest_command=LARGEST)
+        mr.Device(name=f"onlooker {i}", spec=spec, theta=theta, row=rows[i], largest_command=LARGEST)
         for i in range(n)
     ]
 
 
-def gauge(scale: float, n: int = 2, *, rate: float = 1e9) -> ControlLaw:
+def gauge(scale: float, n: int = 2, *, rate: float = 1e9) -> mr.ControlLaw:
     """A law whose command tells what it measured: half of the largest, and as much again at `scale` metres."""
     gains = {"deformation_scale": np.full(n, scale), "rate_scale": np.full(n, rate)}
-    return ControlLaw(name="fuzzy", gains=gains, tables={"shares": [0.0, 0.0, 1.0, 1.0]})
+    return mr.ControlLaw(name="fuzzy", gains=gains, tables={"shares": [0.0, 0.0, 1.0, 1.0]})
 
 
 def read(command: Floats, scale: float) -> Floats:
@@ -128,7 +108,7 @@ def test_the_command_changes_no_faster_than_its_rate() -> None:
     assert np.any(np.abs(np.array(expected) - raw) > 0.1)
 
 
-def noisy(hardware: Hardware, law: ControlLaw | None = None, scale: float = 0.01) -> Floats:
+def noisy(hardware: Hardware, law: mr.ControlLaw | None = None, scale: float = 0.01) -> Floats:
     """Deformations that a building at rest seems to have, shape (n_time, n_devices)."""
     law = law or gauge(scale)
     return read(run_of(onlookers(), law, hardware, still(N_NOISE * 1e-3 + 5e-4)).command, scale)
@@ -182,7 +162,7 @@ def test_noise_of_the_force_has_the_stated_deviation() -> None:
     settled = 8000
     K = np.zeros((1, 10))
     K[0, :5] = -5000.0 / np.linalg.solve(five_storeys().stiffness, five_storeys().mass.sum(axis=1)) / 5.0
-    law = ControlLaw(name="proportional_clipped_optimal", gains={"gain": -K, "full_force": [100_000.0]})
+    law = mr.ControlLaw(name="proportional_clipped_optimal", gains={"gain": -K, "full_force": [100_000.0]})
     hardware = Hardware(force_noise=300.0)
     run = run_of(loop, law, hardware, pushed(1.0, settled * 1e-3 + N_NOISE * 1e-3))
     command, force, wanted = run.command[settled:, 0], run.force[settled:, 0], (run.state @ K.T)[settled:, 0]
@@ -204,7 +184,7 @@ def test_noise_of_accelerations_and_drifts_goes_through_the_observer(storeys: tu
         drift_noise=2e-3 if storeys else 0.0,
         feedback="observer",
     )
-    law = ControlLaw(
+    law = mr.ControlLaw(
         name="fuzzy",
         gains={"deformation_scale": [1e9], "rate_scale": [scale]},
         tables={"shares": [0.0, 1.0, 0.0, 1.0]},
@@ -228,7 +208,7 @@ def test_sensors_of_a_known_ground_err_alike_in_the_first_mode() -> None:
     squared = scipy.linalg.eigh(stiffness, mass, eigvals_only=True)[0]
     for ratio in (10.0, 50.0):
         intensity = np.append(np.full(5, 1.0 / ratio), 1.0 / ratio / squared**2)
-        expected = observer_of(plant, seen, 1e-3, noise_intensity=intensity)
+        expected = mr.control.observer_of(plant, seen, 1e-3, noise_intensity=intensity)
         found = loop_observer(
             building, loop, Hardware(feedback="observer", known_ground=True, noise_ratio=ratio)
         )
@@ -251,7 +231,7 @@ def test_a_sensor_of_steps_reads_the_nearest_of_them() -> None:
 
 
 def readings(
-    signal: str, hardware: Hardware, motion: GroundMotion | None = None, building: Building | None = None
+    signal: str, hardware: Hardware, motion: GroundMotion | None = None, building: mr.Building | None = None
 ) -> tuple[Floats, History]:
     """What a law in Python has read of a signal, shape (n_samples, ...), and the run."""
     seen: list[Floats] = []
@@ -374,7 +354,7 @@ def test_an_accelerometer_that_gives_no_number_is_left_out_by_the_observer() -> 
     observing = Hardware(feedback="observer")
     response = simulate_loop(five_storeys(), loop, law, [sweep(1.0)], replace(observing, faults=(fault,)))
     whole = simulate_loop(five_storeys(), loop, law, [sweep(1.0)], observing)
-    assert response.outcome[0] == Outcome.FINISHED
+    assert response.outcome[0] == mr.dampers.Outcome.FINISHED
     assert np.isfinite(response.peak_drift).all()
     assert np.any(response.peak_drift != whole.peak_drift)
 
@@ -387,7 +367,7 @@ def test_the_observer_comes_to_the_state() -> None:
     plant = plant_with(loop)
     K = law_with_gains("clipped_optimal", plant).gains["gain"]
     # A weak ideal force, which tells what the law takes for the state and hardly moves the building.
-    law = ControlLaw(name="active", gains={"gain": 1e-3 * np.asarray(K)})
+    law = mr.ControlLaw(name="active", gains={"gain": 1e-3 * np.asarray(K)})
     run = run_of(loop, law, Hardware(feedback="observer"), motion)
     wanted = -run.state @ law.gains["gain"].T
     error = np.abs(run.command - wanted)
@@ -436,7 +416,7 @@ def test_a_kinematic_observer_is_as_near_on_a_frame_that_yields() -> None:
         ("yielding", frame, KINEMATIC),
         ("linear", frame, replace(KINEMATIC, kinematic=False, measured_storeys=(), known_ground=True)),
     ):
-        told = pytest.warns(MrworkWarning, match="kinematic") if name == "linear" else nullcontext()
+        told = pytest.warns(mr.errors.MrworkWarning, match="kinematic") if name == "linear" else nullcontext()
         with told:
             seen, run = readings("state", hardware, building=of)
         errors[name] = np.abs(seen - run.state)[:, :5].max() / np.abs(run.state[:, :5]).max()

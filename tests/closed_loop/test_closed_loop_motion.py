@@ -14,71 +14,48 @@ from loop_samples import (
     five_storeys,
     friction,
     law_with_gains,
+    linear_states,
+    nothing,
     plant_with,
     rd1005,
     sweep,
 )
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim
 
 import mrwork as mr
-from mrwork import Device, _rust
 from mrwork.buildings import Building, buildings
 from mrwork.closed_loop import Hardware, History, Responses, simulate_loop
-from mrwork.control import ControlLaw
-from mrwork.dampers import damper_models
-from mrwork.dampers.simulation import Outcome
-from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 CLOCK = Hardware(sample_time=0.01, step=0.01)
 
 
-def passive(n_devices: int = 1, command: float = 0.0) -> ControlLaw:
-    return ControlLaw(name="passive", gains={"command": np.full(n_devices, command)})
+def passive(n_devices: int = 1, command: float = 0.0) -> mr.ControlLaw:
+    return mr.ControlLaw(name="passive", gains={"command": np.full(n_devices, command)})
 
 
-def nothing(building: Building) -> tuple[list[Device], ControlLaw]:
-    """An actuator that is told to give no force."""
-    spec, theta = friction()
-    device = Device(name="none", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
-    n = building.n_coordinates
-    return [device], ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * n))})
-
-
-def dashpots(building: Building, coefficient: float) -> list[Device]:
+def dashpots(building: Building, coefficient: float) -> list[mr.Device]:
     """Dashpots across the two lowest storeys: a Bingham element whose yield force is a millinewton."""
     theta = [1e-3, 1e2, coefficient, 0.0]
     rows = building.storeys[:2]
     return [
-        Device(name=f"dashpot {i}", spec=mr.damper("bingham"), theta=theta, row=row, largest_command=1.0)
+        mr.Device(name=f"dashpot {i}", spec=mr.damper("bingham"), theta=theta, row=row, largest_command=1.0)
         for i, row in enumerate(rows)
     ]
 
 
-def exact(building: Building, motion: GroundMotion, time: Floats, dashpot: float = 0.0) -> Floats:
-    """State over time by the exponential of the linear system under straight pieces, shape (n_time, 2n)."""
-    A, _, E = building.state_matrices()
-    rows = building.storeys[:2]
-    n = building.n_coordinates
-    A[n:, n:] -= dashpot * np.linalg.solve(building.mass, rows.T @ rows)
-    ground = np.interp(time, motion.time, motion.acceleration)
-    identity = np.eye(2 * n)
-    return np.asarray(lsim((A, E[:, None], identity, np.zeros((2 * n, 1))), ground, time)[2])
-
-
 def run_of(
     building: Building,
-    loop: list[Device],
-    law: ControlLaw,
-    motion: GroundMotion,
+    loop: list[mr.Device],
+    law: mr.ControlLaw,
+    motion: mr.GroundMotion,
     hardware: Hardware,
     *,
     step_factor: int = 1,
 ) -> tuple[History, Responses]:
     response = simulate_loop(building, loop, law, [motion], hardware, histories=True, step_factor=step_factor)
-    assert response.outcome[0] == Outcome.FINISHED
+    assert response.outcome[0] == mr.dampers.Outcome.FINISHED
     return response.histories[0], response
 
 
@@ -92,7 +69,7 @@ def test_a_bare_building_moves_as_its_exponential(building: Building) -> None:
     loop, law = nothing(building)
     motion = sweep()
     run, _ = run_of(building, loop, law, motion, Hardware(sample_time=1e-3, step=2.5e-4))
-    expected = exact(building, motion, run.time)
+    expected = linear_states(building, motion, run.time)
     # (omega h)^4/120 over a few dozen radians of the slow modes, which are all that the sweep moves.
     assert relative(run.state, expected) < 1e-8
     n = building.n_coordinates
@@ -106,7 +83,7 @@ def test_the_error_of_a_smooth_run_falls_with_the_fourth_power_of_the_step() -> 
     errors = []
     for factor in (1, 2, 4, 8):
         run, _ = run_of(building, loop, passive(2), motion, CLOCK, step_factor=factor)
-        errors.append(relative(run.state, exact(building, motion, run.time, 3000.0 + 1e-5)))
+        errors.append(relative(run.state, linear_states(building, motion, run.time, 3000.0 + 1e-5)))
     ratios = np.array(errors[1:-1]) / np.array(errors[2:])
     np.testing.assert_allclose(ratios, 16.0, rtol=0.25)
 
@@ -122,11 +99,11 @@ def test_the_energy_error_falls_with_the_step() -> None:
     assert errors[2] < 1e-10
 
 
-def forces(device: Device, state: Floats, elongation: float, rate: float) -> tuple[float, Floats]:
+def forces(device: mr.Device, state: Floats, elongation: float, rate: float) -> tuple[float, Floats]:
     """Force of one damper and the rate of its state, by the core's scalar functions."""
     theta = np.asarray(device.theta, dtype=np.float64)
-    force = _rust.force(device.spec.name, theta, state, elongation, rate)
-    return force, _rust.rate(device.spec.name, theta, state, elongation, rate)
+    force = mr._rust.force(device.spec.name, theta, state, elongation, rate)
+    return force, mr._rust.rate(device.spec.name, theta, state, elongation, rate)
 
 
 @pytest.mark.parametrize("model", ["static_hysteretic", "normalised_bouc_wen", "elasto_visco_plastic"])
@@ -136,7 +113,7 @@ def test_a_building_with_a_damper_moves_as_an_adaptive_integrator_says(model: st
     theta = spec.nominal.copy()
     if model == "static_hysteretic":
         theta[spec.names.index("x_s")] = 1e-3
-    device = Device(name="one", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    device = mr.Device(name="one", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
     run, _ = run_of(building, [device], passive(), motion, Hardware(sample_time=0.01, step=5e-5))
     A, B, E = building.state_matrices(building.storeys[:1])
     n, row = building.n_coordinates, building.storeys[0]
@@ -206,10 +183,10 @@ def test_building_lag_and_energies_follow_the_commands_as_an_adaptive_integrator
         ).y[:, -1]
 
 
-@pytest.mark.parametrize("spec", damper_models(), ids=lambda spec: spec.name)
+@pytest.mark.parametrize("spec", mr.damper_models(), ids=lambda spec: spec.name)
 def test_a_pair_in_opposition_is_two_devices_the_other_way_round(spec: mr.DamperSpec) -> None:
     building, motion = five_storeys(), sweep(0.5)
-    one = Device(name="one", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
+    one = mr.Device(name="one", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
     other = replace(one, name="other", row=-building.storeys[0])
     hardware = Hardware(step=2.5e-4)
     pair, _ = run_of(building, [replace(one, differential=True)], passive(), motion, hardware)
@@ -224,7 +201,7 @@ def test_a_pair_in_opposition_is_two_devices_the_other_way_round(spec: mr.Damper
 def test_several_side_by_side_are_as_many_devices() -> None:
     building, motion = five_storeys(), sweep(0.5)
     spec, theta = rd1005()
-    one = Device(name="one", spec=spec, theta=theta, row=building.storeys[1], largest_command=1.88)
+    one = mr.Device(name="one", spec=spec, theta=theta, row=building.storeys[1], largest_command=1.88)
     two, _ = run_of(building, [replace(one, count=2.0)], passive(1, 1.2), motion, Hardware())
     each, _ = run_of(building, [one, replace(one, name="other")], passive(2, 1.2), motion, Hardware())
     assert relative(two.state, each.state) < 1e-9
@@ -296,13 +273,13 @@ def test_peaks_and_root_mean_squares_are_those_of_the_history(
 def test_a_peak_at_the_end_of_the_record_is_one_of_the_run() -> None:
     """Of a record that is cut where it is largest, against the exponential; 5 ms before peaks are 3 % lower."""
     building, at = five_storeys(), np.arange(28) * 0.02
-    motion = GroundMotion(name="cut", dt=0.02, acceleration=3.0 * at * np.sin(2.0 * np.pi * at / 0.8))
+    motion = mr.GroundMotion(name="cut", dt=0.02, acceleration=3.0 * at * np.sin(2.0 * np.pi * at / 0.8))
     loop, law = nothing(building)
     _, kept = run_of(building, loop, law, motion, Hardware(sample_time=0.005, step=0.0025))
     time = np.arange(541) * 1e-3
     A, _, E = building.state_matrices()
     n, ground = building.n_coordinates, np.interp(time, motion.time, motion.acceleration)[:, None]
-    relative = exact(building, motion, time) @ A[n:].T + ground * E[n:]
+    relative = linear_states(building, motion, time) @ A[n:].T + ground * E[n:]
     shear = (relative + ground * building.influence) @ building.mass @ building.influence
     acceleration = relative @ building.floors.T + ground
     assert np.abs(shear).argmax() == np.abs(acceleration).max(axis=1).argmax() == len(time) - 1

@@ -13,14 +13,11 @@ from loop_samples import devices, five_storeys, friction, law_with_gains, plant_
 from refusals import refusal
 
 import mrwork as mr
-from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
-from mrwork.control import ControlLaw
 from mrwork.dampers.simulation import Outcome
-from mrwork.errors import MrworkWarning
 
-PASSIVE = ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
-ONE = ControlLaw(name="passive", gains={"command": [0.0]})
+PASSIVE = mr.ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
+ONE = mr.ControlLaw(name="passive", gains={"command": [0.0]})
 
 
 def test_a_record_shorter_than_a_sample_is_one_sample_and_its_end() -> None:
@@ -49,7 +46,7 @@ def test_an_absurdly_stiff_damper_is_unresolved_and_not_simulated() -> None:
     spec = mr.damper("static_hysteretic")
     theta = np.tile(spec.nominal, (3, 1))
     theta[1, spec.names.index("c")] = 1e9
-    device = Device(name="stiff", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    device = mr.Device(name="stiff", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
     response = simulate_loop(building, [device], ONE, [sweep(0.2)], histories=True)
     np.testing.assert_array_equal(response.outcome, [Outcome.FINISHED, Outcome.UNRESOLVED, Outcome.FINISHED])
     np.testing.assert_array_equal(response.steps > 0, [True, False, True])
@@ -88,7 +85,7 @@ def test_a_coil_that_is_sent_no_number_diverges(value: float) -> None:
 
 def test_progress_counts_runs_up_to_all_of_them() -> None:
     said: list[tuple[int, int]] = []
-    law = ControlLaw(name="passive", gains={"command": np.ones((5000, 2))})
+    law = mr.ControlLaw(name="passive", gains={"command": np.ones((5000, 2))})
     simulate_loop(
         five_storeys(),
         devices(friction()),
@@ -102,7 +99,7 @@ def test_progress_counts_runs_up_to_all_of_them() -> None:
 
 def test_runs_that_last_equally_long_share_a_call_and_every_run_keeps_its_place() -> None:
     """More runs than are in the first call, under motions of which the first and the last are equally long."""
-    law = ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.0, 30)[:, None] * np.ones(2)})
+    law = mr.ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.0, 30)[:, None] * np.ones(2)})
     motions, loop = [sweep(0.3), sweep(0.1), still(0.3)], devices(rd1005())
     together = simulate_loop(
         five_storeys(), loop, law, motions, histories=True, on_progress=lambda done, wanted: None
@@ -117,7 +114,7 @@ def test_runs_that_last_equally_long_share_a_call_and_every_run_keeps_its_place(
 
 def test_ctrl_c_ends_a_long_batch() -> None:
     # Work for many minutes: were the signal not looked for, the test would not come back.
-    law = ControlLaw(name="passive", gains={"command": np.ones((4000, 2))})
+    law = mr.ControlLaw(name="passive", gains={"command": np.ones((4000, 2))})
     timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     try:
@@ -149,14 +146,14 @@ def test_a_command_for_dampers_that_follow_none_is_refused() -> None:
     ],
 )
 def test_a_constant_command_that_the_driver_does_not_give_is_told(command: object, sentence: str) -> None:
-    law = ControlLaw(name="passive", gains={"command": command})
-    with pytest.warns(MrworkWarning, match=sentence):
+    law = mr.ControlLaw(name="passive", gains={"command": command})
+    with pytest.warns(mr.errors.MrworkWarning, match=sentence):
         simulate_loop(five_storeys(), devices(rd1005()), law, [still(0.1)])
 
 
 def test_the_largest_command_may_be_rounded() -> None:
     largest = devices(rd1005())[0].largest_command
-    law = ControlLaw(name="passive", gains={"command": [np.nextafter(largest, 2.0 * largest)] * 2})
+    law = mr.ControlLaw(name="passive", gains={"command": [np.nextafter(largest, 2.0 * largest)] * 2})
     found = simulate_loop(five_storeys(), devices(rd1005()), law, [still(0.1)])
     assert (found.peak_current == largest).all()
 
@@ -174,6 +171,6 @@ def test_what_is_no_loop_is_refused() -> None:
     ):
         refusal(simulate_loop, building, given, PASSIVE, [still()], match=word)
     refusal(simulate_loop, building, loop, PASSIVE, [], match="no ground motion")
-    two = ControlLaw(name="passive", gains={"command": [[0.0, 0.0], [1.0, 1.0]]})
+    two = mr.ControlLaw(name="passive", gains={"command": [[0.0, 0.0], [1.0, 1.0]]})
     slopes = np.ones((3, 2))
     refusal(simulate_loop, building, loop, two, [still()], shaping=slopes, match="2 of gains, 3 of `shaping`")

@@ -9,17 +9,13 @@ from loop_samples import sweep
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.buildings import building
-from mrwork.closed_loop import Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw, accelerations, plant_of, regulator_of_outputs
-from mrwork.dampers.simulation import Outcome
-from mrwork.motions import GroundMotion, read_motion, time_scaled
 
 DATA = measured_data.DATA
 EL_CENTRO = DATA / "records" / "el_centro_1940_ns.csv"
 
-FRAME = building("dyke1996")
-CLOCK = Hardware(sample_time=5e-4, step=5e-4)
+FRAME = mr.building("dyke1996")
+CLOCK = mr.Hardware(sample_time=5e-4, step=5e-4)
 
 
 def prototype() -> Device:
@@ -44,22 +40,22 @@ LAWS = {
 }
 
 
-def responses(name: str, motion: GroundMotion, *, step_factor: int = 1) -> Responses:
-    found = simulate_loop(FRAME, [prototype()], LAWS[name], [motion], CLOCK, step_factor=step_factor)
-    assert found.outcome[0] == Outcome.FINISHED
+def responses(name: str, motion: mr.GroundMotion, *, step_factor: int = 1) -> mr.Responses:
+    found = mr.simulate_loop(FRAME, [prototype()], LAWS[name], [motion], CLOCK, step_factor=step_factor)
+    assert found.outcome[0] == mr.dampers.Outcome.FINISHED
     return found
 
 
 @pytest.fixture(scope="module")
-def el_centro() -> GroundMotion:
+def el_centro() -> mr.GroundMotion:
     """North-south, 3.42 m/s^2, five times as fast."""
     if not EL_CENTRO.is_file():
         pytest.skip(f"the El Centro record is not at {EL_CENTRO} (set MRWORK_DATA)")
-    return time_scaled(read_motion(EL_CENTRO), 0.2)
+    return mr.motions.time_scaled(mr.read_motion(EL_CENTRO), 0.2)
 
 
 def assert_near(
-    found: Responses, floors: list[list[float]], force: float, tolerance: tuple[float, float]
+    found: mr.Responses, floors: list[list[float]], force: float, tolerance: tuple[float, float]
 ) -> None:
     """Peaks against published ones [cm, cm, cm/s^2, N], of displacement and drift, and of acceleration and force."""
     displacement, drift, acceleration = floors
@@ -70,24 +66,24 @@ def assert_near(
     np.testing.assert_allclose(found.peak_force[0, 0], force, rtol=far)
 
 
-def test_passive_off_is_as_published(el_centro: GroundMotion) -> None:
+def test_passive_off_is_as_published(el_centro: mr.GroundMotion) -> None:
     published = [[0.211, 0.357, 0.455], [0.211, 0.153, 0.103], [420.0, 480.0, 717.0]]
     assert_near(responses("passive-off", el_centro), published, 258.0, (0.03, 0.03))
 
 
-def test_passive_on_is_as_published(el_centro: GroundMotion) -> None:
+def test_passive_on_is_as_published(el_centro: mr.GroundMotion) -> None:
     published = [[0.0798, 0.196, 0.306], [0.0798, 0.158, 0.110], [281.0, 494.0, 767.0]]
     assert_near(responses("passive-on", el_centro), published, 979.0, (0.03, 0.03))
 
 
-def test_clipped_optimal_is_as_published(el_centro: GroundMotion) -> None:
+def test_clipped_optimal_is_as_published(el_centro: mr.GroundMotion) -> None:
     published = [[0.114, 0.185, 0.212], [0.114, 0.0902, 0.101], [696.0, 739.0, 703.0]]
     assert_near(responses("clipped-optimal", el_centro), published, 941.0, (0.02, 0.05))
 
 
-def test_without_a_force_the_frame_moves_as_published(el_centro: GroundMotion) -> None:
+def test_without_a_force_the_frame_moves_as_published(el_centro: mr.GroundMotion) -> None:
     law = ControlLaw(name="active", gains={"gain": np.zeros((1, 6))})
-    found = simulate_loop(FRAME, [prototype()], law, [el_centro], CLOCK)
+    found = mr.simulate_loop(FRAME, [prototype()], law, [el_centro], CLOCK)
     published = [[0.538, 0.820, 0.962], [0.538, 0.319, 0.201], [856.0, 1030.0, 1400.0]]
     # Of all these one is off by more than 2.8 %: the second floor's acceleration, by 3.7 %.
     assert_near(found, published, 0.0, (0.03, 0.04))
@@ -112,7 +108,7 @@ def test_a_stiff_damper_takes_more_steps_of_its_own_accord(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_half_the_step_changes_nothing_under_el_centro(name: str, el_centro: GroundMotion) -> None:
+def test_half_the_step_changes_nothing_under_el_centro(name: str, el_centro: mr.GroundMotion) -> None:
     once, twice = responses(name, el_centro), responses(name, el_centro, step_factor=2)
     for quantity in ("displacement", "drift", "acceleration", "force"):
         np.testing.assert_allclose(

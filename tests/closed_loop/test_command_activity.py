@@ -19,27 +19,22 @@ from loop_samples import (
 )
 
 import mrwork as mr
-from mrwork import Device
-from mrwork.buildings import shear_building
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
-from mrwork.control import ControlLaw, control_laws
-from mrwork.dampers.simulation import Outcome
-from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-NAMES = [spec.name for spec in control_laws()]
-COMMANDS = [spec.name for spec in control_laws() if not spec.commands_force]
+NAMES = [spec.name for spec in mr.control.control_laws()]
+COMMANDS = [spec.name for spec in mr.control.control_laws() if not spec.commands_force]
 
 
 def run_of(
-    law: ControlLaw | UserLaw, hardware: Hardware | None = None, *, duration: float = 0.6
+    law: mr.ControlLaw | UserLaw, hardware: Hardware | None = None, *, duration: float = 0.6
 ) -> Responses:
     found = simulate_loop(five_storeys(), devices(rd1005()), law, [sweep(duration)], hardware, histories=True)
-    assert found.outcome[0] == Outcome.FINISHED
+    assert found.outcome[0] == mr.dampers.Outcome.FINISHED
     return found
 
 
-def law_of(name: str) -> ControlLaw:
+def law_of(name: str) -> mr.ControlLaw:
     return law_with_gains(name, plant_with(devices(rd1005())))
 
 
@@ -172,7 +167,7 @@ def test_a_law_of_accelerations_reads_them_with_noise_and_faults() -> None:
     found = simulate_loop(
         five_storeys(), devices(rd1005()), law, [sweep(0.6)], Hardware(faults=(dead,)), histories=True
     )
-    assert found.outcome[0] == Outcome.FAILED_SAFE
+    assert found.outcome[0] == mr.dampers.Outcome.FAILED_SAFE
     np.testing.assert_array_equal(found.histories[0].command[100:], 0.0)
 
 
@@ -180,11 +175,11 @@ def test_a_mixed_law_is_skyhook_of_fast_motion_and_acceleration_driven_of_slow()
     # Force and velocity of this damper have one sign, so that skyhook is decentralised bang-bang control.
     loop = devices(friction())
 
-    def of(law: ControlLaw) -> Responses:
+    def of(law: mr.ControlLaw) -> Responses:
         return simulate_loop(five_storeys(), loop, law, [sweep(0.6)])
 
     def mixed(crossover: float) -> Responses:
-        return of(ControlLaw(name="mixed_skyhook", gains={"crossover": [crossover] * 2}))
+        return of(mr.ControlLaw(name="mixed_skyhook", gains={"crossover": [crossover] * 2}))
 
     driven, skyhook = of(law_of("acceleration_driven")), of(law_of("decentralised_bang_bang"))
     np.testing.assert_array_equal(mixed(1e-9).rms_drift, driven.rms_drift)
@@ -197,21 +192,21 @@ def test_a_mixed_law_is_skyhook_of_fast_motion_and_acceleration_driven_of_slow()
 def test_laws_of_accelerations_isolate_above_resonance_better_than_any_of_their_dampings_alone() -> None:
     """One storey at 3 Hz, damping ratio 0.05 to 0.8: rms absolute acceleration under a harmonic ground."""
     mass, frequency = 300.0, 2.0 * np.pi * 3.0
-    storey = shear_building(name="storey", masses=[mass], stiffnesses=[mass * frequency**2])
+    storey = mr.buildings.shear_building(name="storey", masses=[mass], stiffnesses=[mass * frequency**2])
     dashpot = mr.damper("bingham").with_current_laws({"c0": "linear"}, lagged=False)
     c = 2.0 * mass * frequency
     theta = [1e-6, 1e-2, 0.05 * c, 0.75 * c, 0.0]
-    device = Device(name="dashpot", spec=dashpot, theta=theta, row=storey.storeys[0], largest_command=1.0)
+    device = mr.Device(name="dashpot", spec=dashpot, theta=theta, row=storey.storeys[0], largest_command=1.0)
 
-    def acceleration(law: ControlLaw, hertz: float) -> float:
+    def acceleration(law: mr.ControlLaw, hertz: float) -> float:
         time = 1e-3 * np.arange(round(40.0 / hertz / 1e-3))
         # A cosine has a velocity without a mean.
-        motion = GroundMotion(name="cosine", dt=1e-3, acceleration=np.cos(2.0 * np.pi * hertz * time))
+        motion = mr.GroundMotion(name="cosine", dt=1e-3, acceleration=np.cos(2.0 * np.pi * hertz * time))
         return float(simulate_loop(storey, [device], law, [motion]).rms_acceleration[0, 0])
 
-    driven = ControlLaw(name="acceleration_driven")
-    mixed = ControlLaw(name="mixed_skyhook", gains={"crossover": [np.sqrt(2.0) * frequency]})
-    constant = [ControlLaw(name="passive", gains={"command": [share]}) for share in (0.0, 0.5, 1.0)]
+    driven = mr.ControlLaw(name="acceleration_driven")
+    mixed = mr.ControlLaw(name="mixed_skyhook", gains={"crossover": [np.sqrt(2.0) * frequency]})
+    constant = [mr.ControlLaw(name="passive", gains={"command": [share]}) for share in (0.0, 0.5, 1.0)]
     above = [min(acceleration(law, hertz) for law in constant) for hertz in (4.0, 4.5)]
     for law in (driven, mixed):
         assert all(acceleration(law, hertz) < least for hertz, least in zip((4.0, 4.5), above, strict=True))

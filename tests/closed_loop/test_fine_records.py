@@ -11,11 +11,6 @@ from loop_samples import devices, five_storeys, law_with_gains, plant_with, rd10
 from scipy.linalg import expm
 
 import mrwork as mr
-from mrwork import _rust
-from mrwork.closed_loop import Hardware, LoopSample, Responses, UserLaw, simulate_loop
-from mrwork.closed_loop.simulate import LoopVariation
-from mrwork.control import ControlLaw
-from mrwork.motions import GroundMotion
 from mrwork.twins.loop_ground import half_steps, stage_values
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -25,7 +20,7 @@ FINE = 1e-4
 FRAME = mr.buildings.shear_building(
     name="frame", masses=[1e3], stiffnesses=[4e3 * np.pi**2], storey_damping=[200.0 * np.pi]
 )
-STILL = ControlLaw(name="active", gains={"gain": np.zeros((1, 2))})
+STILL = mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2))})
 NONE = mr.Device(
     name="none",
     spec=mr.damper("bingham"),
@@ -41,29 +36,29 @@ def swing(duration: float, dt: float = FINE) -> Floats:
     return np.exp(-(((time - 3.0) / 1.5) ** 2)) * np.sin(2.0 * np.pi * time)
 
 
-def spiky() -> GroundMotion:
+def spiky() -> mr.GroundMotion:
     """The swing with pulses of 0.1 ms and 100 m/s2, between the steps of 0.5 ms and their middles."""
     acceleration = swing(8.0)
     acceleration[20_001 : 20_001 + 80 * 50 : 50] += 100.0
-    return GroundMotion(name="spiky", dt=FINE, acceleration=acceleration)
+    return mr.GroundMotion(name="spiky", dt=FINE, acceleration=acceleration)
 
 
-def humming(duration: float = 8.0, *, swinging: bool = True, phase: float = 0.25 * np.pi) -> GroundMotion:
+def humming(duration: float = 8.0, *, swinging: bool = True, phase: float = 0.25 * np.pi) -> mr.GroundMotion:
     """A hum of 2 kHz and 2 m/s2, beside the swing or alone: four periods of it are a sample of 2 ms."""
     acceleration = swing(duration) if swinging else np.zeros(round(duration / FINE) + 1)
     hum = 2.0 * np.cos(2.0 * np.pi * 2000.0 * FINE * np.arange(acceleration.size) + phase)
-    return GroundMotion(name="humming", dt=FINE, acceleration=acceleration + hum)
+    return mr.GroundMotion(name="humming", dt=FINE, acceleration=acceleration + hum)
 
 
-def noisy(duration: float = 1.0, dt: float = FINE) -> GroundMotion:
+def noisy(duration: float = 1.0, dt: float = FINE) -> mr.GroundMotion:
     """White noise up to the last frequency of its samples."""
     count = round(duration / dt) + 1
-    return GroundMotion(
+    return mr.GroundMotion(
         name="noisy", dt=dt, acceleration=20.0 * np.random.default_rng(3).standard_normal(count)
     )
 
 
-def held(motion: GroundMotion) -> Floats:
+def held(motion: mr.GroundMotion) -> Floats:
     """Displacement and velocity of the frame at every sample: the first-order hold, by a matrix exponential.
 
     In `z' = Z z`, z = (x, v, a, a'), the acceleration of the ground runs straight over the interval.
@@ -79,9 +74,9 @@ def held(motion: GroundMotion) -> Floats:
     return states
 
 
-def bare(motion: GroundMotion, step: float, sample_time: float | None = None) -> Responses:
-    hardware = Hardware(sample_time=sample_time or step, step=step)
-    return simulate_loop(FRAME, [NONE], STILL, [motion], hardware, histories=True)
+def bare(motion: mr.GroundMotion, step: float, sample_time: float | None = None) -> mr.Responses:
+    hardware = mr.Hardware(sample_time=sample_time or step, step=step)
+    return mr.simulate_loop(FRAME, [NONE], STILL, [motion], hardware, histories=True)
 
 
 def test_pulses_between_the_steps_move_the_frame() -> None:
@@ -107,13 +102,13 @@ def test_a_hum_far_above_the_frame_does_not_move_it(phase: float) -> None:
         np.testing.assert_allclose(bare(motion, step).peak_drift[0, 0], exact, atol=2e-6)
 
 
-def error_at_the_end(motion: GroundMotion, step: float, exact: Floats) -> float:
+def error_at_the_end(motion: mr.GroundMotion, step: float, exact: Floats) -> float:
     state = bare(motion, step).histories[0].state
     return float(np.abs(state - exact[:: round(step / motion.dt)]).max())
 
 
 def test_the_error_of_a_smooth_record_falls_with_the_fourth_power_of_the_step() -> None:
-    motion = GroundMotion(name="swing", dt=FINE, acceleration=swing(6.4))
+    motion = mr.GroundMotion(name="swing", dt=FINE, acceleration=swing(6.4))
     exact = held(motion)
     errors = [error_at_the_end(motion, step, exact) for step in (0.064, 0.032, 0.016)]
     assert all(14.0 < coarse / fine < 18.0 for coarse, fine in pairwise(errors))
@@ -145,14 +140,14 @@ def test_neighbours_threads_and_instructions_do_not_change_a_bit(monkeypatch: py
     gain = law.gains["gain"] * np.linspace(0.2, 2.0, 5)[:, None, None]
     law = replace(law, gains={"gain": gain})
     motions = [noisy(0.3), noisy(0.3, 2e-4), noisy(0.3, 0.01), noisy(0.3, 3e-4)]
-    together = simulate_loop(five_storeys(), loop, law, motions, threads=2)
-    built, machine = _rust.instruction_sets()
+    together = mr.simulate_loop(five_storeys(), loop, law, motions, threads=2)
+    built, machine = mr._rust.instruction_sets()
     others = []
     for name in [each for each in built if each in machine]:
         monkeypatch.setenv("MRWORK_INSTRUCTION_SET", name)
-        others.append(simulate_loop(five_storeys(), loop, law, motions, threads=1))
+        others.append(mr.simulate_loop(five_storeys(), loop, law, motions, threads=1))
     alone = [
-        simulate_loop(five_storeys(), loop, replace(law, gains={"gain": one}), [motions[0]], threads=1)
+        mr.simulate_loop(five_storeys(), loop, replace(law, gains={"gain": one}), [motions[0]], threads=1)
         for one in gain
     ]
     for name, numbers in together.numbers.items():
@@ -166,13 +161,13 @@ def test_derivatives_of_gains_are_those_of_the_loop() -> None:
     frame, loop = five_storeys(), devices(rd1005(), second=False)
     law = law_with_gains("proportional_direct", plant_with(loop))
     direction, reach = law.gain_rows(1, 10)[0], 1e-6
-    along = LoopVariation(
+    along = mr.closed_loop.LoopVariation(
         buildings=(frame,), delay=np.zeros(1), seed=np.zeros(1, int), changes=direction[None]
     )
-    runs = simulate_loop(frame, loop, law, [noisy(0.5)], Hardware(), variation=along)
+    runs = mr.simulate_loop(frame, loop, law, [noisy(0.5)], mr.Hardware(), variation=along)
     for sign in (1.0, -1.0):
         other = replace(law, gains={name: each * (1.0 + sign * reach) for name, each in law.gains.items()})
-        again = simulate_loop(frame, loop, other, [noisy(0.5)])
+        again = mr.simulate_loop(frame, loop, other, [noisy(0.5)])
         # Second order in the reach.
         moved = runs.rms_drift + sign * reach * runs.slopes[0]["rms_drift"]
         np.testing.assert_allclose(moved, again.rms_drift, rtol=1e-10)
@@ -181,16 +176,16 @@ def test_derivatives_of_gains_are_those_of_the_loop() -> None:
 def test_sensors_of_the_ground_read_the_mean_over_the_step_before_and_histories_the_record() -> None:
     read: list[float] = []
 
-    def command(sample: LoopSample, memory: Floats) -> Floats:
+    def command(sample: mr.closed_loop.LoopSample, memory: Floats) -> Floats:
         read.append(float(sample.ground_acceleration[0]))
         return np.zeros((1, 1))
 
     motion = noisy(0.1)
-    law = UserLaw(name="reads", command=command)
+    law = mr.closed_loop.UserLaw(name="reads", command=command)
     spec, theta = rd1005()
     frame = five_storeys()
     device = mr.Device(name="damper", spec=spec, theta=theta, row=frame.storeys[0], largest_command=1.0)
-    run = simulate_loop(frame, [device], law, [motion], Hardware(), histories=True)
+    run = mr.simulate_loop(frame, [device], law, [motion], mr.Hardware(), histories=True)
     a = motion.acceleration
     five = np.array([a[k - 5 : k + 1] for k in range(10, motion.n_time - 1, 10)])
     means = five @ np.array([0.1, 0.2, 0.2, 0.2, 0.2, 0.1])
@@ -202,10 +197,10 @@ def test_sensors_of_the_ground_read_the_mean_over_the_step_before_and_histories_
 def test_a_hum_leaves_the_forecast_of_a_rollout_alone() -> None:
     loop = devices(rd1005())
     law = law_with_gains("predictive_rollout", plant_with(loop))
-    hardware = Hardware(sample_time=4e-3, step=1e-3, ground_preview=0.04)
-    plain = GroundMotion(name="swing", dt=FINE, acceleration=swing(4.0))
+    hardware = mr.Hardware(sample_time=4e-3, step=1e-3, ground_preview=0.04)
+    plain = mr.GroundMotion(name="swing", dt=FINE, acceleration=swing(4.0))
     with_hum, without = (
-        simulate_loop(five_storeys(), loop, law, [each], hardware) for each in (humming(4.0), plain)
+        mr.simulate_loop(five_storeys(), loop, law, [each], hardware) for each in (humming(4.0), plain)
     )
     # Where the ground hardly moves, what the hum leaves of its first instants decides between equal commands.
     for name in ("rms_drift", "peak_drift"):
@@ -218,7 +213,7 @@ def test_a_history_ends_at_the_end_of_its_motion() -> None:
     law = law_with_gains("clipped_optimal", plant_with(loop))
     motion = mr.synthetic_motion(rng=0, duration=2.0, peak=3.0)
     short = mr.motions.trimmed(motion, end=1.5)
-    runs = [simulate_loop(frame, loop, law, [each], histories=True) for each in (short, motion)]
+    runs = [mr.simulate_loop(frame, loop, law, [each], histories=True) for each in (short, motion)]
     ended, longer = (run.histories[0] for run in runs)
     assert len(ended.time) == 1501
     assert ended.time[-1] == 1.5

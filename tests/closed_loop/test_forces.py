@@ -6,25 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loop_samples import devices, five_storeys, law_with_gains, plant_with, rd1005, sweep
+from loop_samples import devices, five_storeys, law_with_gains, linear_states, plant_with, rd1005, sweep
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim
 
 import mrwork as mr
-from mrwork.buildings import Building
-from mrwork.closed_loop import Hardware, Responses
 from mrwork.closed_loop.own_runs import lacking_in_twin
-from mrwork.errors import RecordError, SettingError
 from mrwork.motions import GroundMotion, force_motion
 from mrwork.motions.ground_motion import likeness
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-FINE = Hardware(sample_time=0.01, step=0.001)
+FINE = mr.Hardware(sample_time=0.01, step=0.001)
 PUSHED = {"f_c": 20e3, "v_s": 0.005, "c0": 80e3, "f0": 0.0}
 
 
-def frame(n: int = 3) -> Building:
+def frame(n: int = 3) -> mr.Building:
     return mr.buildings.shear_building(
         name="frame",
         masses=[2e4, 1.8e4, 1.5e4, 1.2e4, 1e4][:n],
@@ -50,8 +46,8 @@ def both(n: int = 3) -> GroundMotion:
 
 
 def run(
-    building: Building, *motions: GroundMotion, hardware: Hardware = FINE, damped: bool = False
-) -> Responses:
+    building: mr.Building, *motions: GroundMotion, hardware: mr.Hardware = FINE, damped: bool = False
+) -> mr.Responses:
     """Runs of a building alone, or with a Bingham element across its lowest storey."""
     spec = mr.damper("bingham")
     device = mr.Device(
@@ -66,24 +62,12 @@ def run(
     return mr.simulate_loop(building, [device], law, motions, hardware, histories=True)
 
 
-def states(building: Building, motion: GroundMotion, time: Floats) -> Floats:
-    """State of a linear building by the exponential of its matrix under straight pieces."""
-    n, (A, _, E) = building.n_coordinates, building.state_matrices()
-    B = np.vstack([np.zeros((n, n)), np.linalg.solve(building.mass, building.floors.T)])
-    loads = np.column_stack(
-        [np.interp(time, motion.time, each) for each in (motion.acceleration, *motion.forces)]
-    )
-    return np.asarray(
-        lsim((A, np.column_stack([E, B]), np.eye(2 * n), np.zeros((2 * n, n + 1))), loads, time)[2]
-    )
-
-
 def test_gusts_over_a_moving_ground_move_a_linear_frame_as_its_matrix_exponential_says() -> None:
     building, motion = frame(), both()
     found = run(building, motion)
     history = found.histories[0]
     dense = np.arange(0.0, motion.duration + 1e-4, 1e-3)
-    exact = states(building, motion, dense)
+    exact = linear_states(building, motion, dense)
     assert history.state == pytest.approx(exact[::10], abs=1e-5 * np.abs(exact).max(), rel=0)
     x, v = exact[:, :3], exact[:, 3:]
     forces = np.column_stack([np.interp(dense, motion.time, each) for each in motion.forces])
@@ -112,7 +96,7 @@ def test_a_half_car_by_forces_on_its_wheels_moves_as_dop853_says_over_the_bump_i
     wheels = np.eye(4)[2:]
     stiffness = suspensions.T @ np.diag(springs) @ suspensions + tyre * wheels.T @ wheels
     damping = suspensions.T @ np.diag(dashpots) @ suspensions + pressed * wheels.T @ wheels
-    car = Building(
+    car = mr.Building(
         name="half car",
         mass=mass,
         damping=damping,
@@ -147,7 +131,7 @@ def test_a_half_car_by_forces_on_its_wheels_moves_as_dop853_says_over_the_bump_i
         for name, row in zip(("front damper", "rear damper"), suspensions, strict=True)
     ]
     law = mr.ControlLaw(name="passive", gains={"command": [0.0, 0.0]})
-    hardware = Hardware(sample_time=0.001, step=dt)
+    hardware = mr.Hardware(sample_time=0.001, step=dt)
     found = mr.simulate_loop(car, devices, law, [force_motion(pushed, dt)], hardware, histories=True)
 
     def slope(now: float, state: Floats) -> Floats:
@@ -236,7 +220,7 @@ def test_forced_unforced_and_shaken_runs_of_one_call_equal_their_single_runs(dt:
     ]
     plant = plant_with(loop, building)
     law = law_with_gains("clipped_optimal", plant)
-    hardware = Hardware(sample_time=0.002, step=0.001, feedback="observer")
+    hardware = mr.Hardware(sample_time=0.002, step=0.001, feedback="observer")
     law = replace(
         law, gains={**law.gains, "gain": np.stack([law.gains["gain"] * s for s in (0.5, 1.0, 2.0)])}
     )
@@ -258,7 +242,7 @@ def test_forces_finer_than_the_step_act_by_their_impulse() -> None:
     forces = np.zeros((3, 5001))
     # Two samples: a triangle of 20 N s between the steps.
     forces[2, 1003] = 20.0 / dt
-    kicked = run(building, force_motion(forces, dt), hardware=Hardware(sample_time=0.002, step=0.002))
+    kicked = run(building, force_motion(forces, dt), hardware=mr.Hardware(sample_time=0.002, step=0.002))
     velocity = kicked.histories[0].state[51, 3:]
     assert velocity[2] == pytest.approx(20.0 / 1.5e4, rel=1e-2)
 
@@ -268,7 +252,7 @@ def test_the_slopes_of_a_linear_law_hold_under_forces() -> None:
     device = mr.buildings.ideal_actuator(name="actuator", row=building.storeys[0])
     gain = np.full((1, 6), 1e3)
 
-    def peaks(gain: Floats, **more: object) -> Responses:
+    def peaks(gain: Floats, **more: object) -> mr.Responses:
         law = mr.ControlLaw(name="active", gains={"gain": gain})
         return mr.simulate_loop(building, [device], law, [motion], FINE, **more)
 
@@ -282,8 +266,8 @@ def test_the_slopes_of_a_linear_law_hold_under_forces() -> None:
 
 
 def test_loops_in_jax_say_that_they_have_no_forces() -> None:
-    assert lacking_in_twin(frame(), Hardware(), "", [sweep(), wind()]) == ["forces on floors"]
-    assert lacking_in_twin(frame(), Hardware(), "", [sweep()]) == []
+    assert lacking_in_twin(frame(), mr.Hardware(), "", [sweep(), wind()]) == ["forces on floors"]
+    assert lacking_in_twin(frame(), mr.Hardware(), "", [sweep()]) == []
 
 
 def test_processing_keeps_forces_with_their_samples() -> None:
@@ -315,12 +299,12 @@ def test_processing_keeps_forces_with_their_samples() -> None:
     ],
 )
 def test_forces_that_are_none_are_refused(forces: Floats, says: str) -> None:
-    with pytest.raises(RecordError, match=says):
+    with pytest.raises(mr.errors.RecordError, match=says):
         GroundMotion(name="a", dt=0.01, acceleration=np.zeros(11), forces=forces)
 
 
 def test_forces_of_another_building_and_intensities_of_the_ground_are_refused() -> None:
-    with pytest.raises(SettingError, match="3 floors, and the building 2 floors"):
+    with pytest.raises(mr.errors.SettingError, match="3 floors, and the building 2 floors"):
         run(frame(2), wind(3))
     for refused in (
         lambda: mr.motions.scaled_to_peak(both(), 1.0),
@@ -328,7 +312,7 @@ def test_forces_of_another_building_and_intensities_of_the_ground_are_refused() 
         lambda: mr.motions.ShakeTable().demand(both()),
         lambda: mr.motions.scaled_to_target(both(), mr.motions.en_1998_spectrum(2.0, "B"), by="pga"),
     ):
-        with pytest.raises(SettingError, match="forces on floors"):
+        with pytest.raises(mr.errors.SettingError, match="forces on floors"):
             refused()
-    with pytest.raises(RecordError, match="a row of samples for each floor"):
+    with pytest.raises(mr.errors.RecordError, match="a row of samples for each floor"):
         force_motion([1.0, 2.0], 0.01)

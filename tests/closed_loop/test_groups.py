@@ -16,9 +16,6 @@ from scipy.integrate import solve_ivp
 import mrwork as mr
 from mrwork import Device
 from mrwork.buildings.groups import groups_of
-from mrwork.closed_loop import simulate_loop
-from mrwork.closed_loop.responses import Responses
-from mrwork.control import ControlLaw
 
 PLAIN = mr.damper("bingham")
 STOREYS = five_storeys().storeys
@@ -49,12 +46,12 @@ def group(
     return Device(name=law, spec=spec, theta=theta, row=row, largest_command=largest)
 
 
-def run(loop: Sequence[Device]) -> Responses:
+def run(loop: Sequence[Device]) -> mr.Responses:
     law = law_with_gains("clipped_optimal", plant_with(list(loop)))
-    return simulate_loop(five_storeys(), loop, law, [sweep()], histories=True)
+    return mr.simulate_loop(five_storeys(), loop, law, [sweep()], histories=True)
 
 
-def assert_same_runs(one: Responses, other: Responses, rtol: float) -> None:
+def assert_same_runs(one: mr.Responses, other: mr.Responses, rtol: float) -> None:
     # The error of the balance of energies is rounding.
     for name in one.numbers.keys() - {"energy_error"}:
         numbers = one.numbers[name]
@@ -110,8 +107,8 @@ def test_two_models_in_one_frame_are_those_of_scipy() -> None:
     bingham, dahl = bingham_and_dahl()
     frame, time = five_storeys(), np.arange(0.0, 2.0, 0.01)
     motion = mr.GroundMotion(name="sweep", dt=0.01, acceleration=3.0 * np.sin(12.0 * time + 3.0 * time**2))
-    law = ControlLaw(name="passive", gains={"command": [0.8, 0.6]})
-    found = simulate_loop(frame, [bingham, dahl], law, [motion], histories=True, step_factor=8)
+    law = mr.ControlLaw(name="passive", gains={"command": [0.8, 0.6]})
+    found = mr.simulate_loop(frame, [bingham, dahl], law, [motion], histories=True, step_factor=8)
     n, rows = frame.n_coordinates, np.array([bingham.row, dahl.row])
     inverse = np.linalg.inv(frame.mass)
     # Of a passive law, the current follows the command from zero.
@@ -162,8 +159,8 @@ def test_bouc_wen_and_maxwell_in_one_frame_are_those_of_opensees() -> None:
     ]
     time = np.arange(0.0, 3.0, 0.005)
     motion = mr.GroundMotion(name="sweep", dt=0.005, acceleration=4.0 * np.sin(8.0 * time + 3.0 * time**2))
-    law = ControlLaw(name="passive", gains={"command": [0.0, 0.0]})
-    found = simulate_loop(frame, loop, law, [motion], histories=True)
+    law = mr.ControlLaw(name="passive", gains={"command": [0.0, 0.0]})
+    found = mr.simulate_loop(frame, loop, law, [motion], histories=True)
     assert found.energy_error[0] < 1e-7
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
@@ -231,10 +228,10 @@ def test_what_holds_a_command_is_the_passive_damper_of_its_force(name: str) -> N
         law = law_with_gains(name, plant_with([mr_damper]))
     else:
         law = mr.control.design_law(name, problem, mr.control.settings_of(name, settings[name]))
-    found = simulate_loop(five_storeys(), [mr_damper, held], law, [sweep()], histories=True)
+    found = mr.simulate_loop(five_storeys(), [mr_damper, held], law, [sweep()], histories=True)
     if law.model is not None:
         law = replace(law, model=replace(law.model, devices=(mr_damper, passive)))
-    other = simulate_loop(five_storeys(), [mr_damper, passive], law, [sweep()], histories=True)
+    other = mr.simulate_loop(five_storeys(), [mr_damper, passive], law, [sweep()], histories=True)
     for quantity in ("peak_drift", "peak_acceleration", "rms_drift", "peak_force", "device_energy"):
         np.testing.assert_allclose(found.numbers[quantity], other.numbers[quantity], rtol=1e-9)
     command = found.histories[0].command
@@ -248,32 +245,32 @@ def test_an_observer_takes_the_forces_of_all_dampers() -> None:
     law = law_with_gains("clipped_optimal", plant_with([mr_damper]))
     hardware = mr.Hardware(feedback="observer")
     runs = [
-        simulate_loop(five_storeys(), [mr_damper, other], law, [sweep()], hardware)
+        mr.simulate_loop(five_storeys(), [mr_damper, other], law, [sweep()], hardware)
         for other in held_and_constant()
     ]
     np.testing.assert_allclose(runs[0].peak_drift, runs[1].peak_drift, rtol=1e-9)
 
 
 def test_what_cannot_stand_side_by_side_is_refused() -> None:
-    building, law = five_storeys(), ControlLaw(name="passive", gains={"command": [1.0]})
+    building, law = five_storeys(), mr.ControlLaw(name="passive", gains={"command": [1.0]})
     passive = replace(group("linear"), name="plain", spec=PLAIN, theta=[400.0, 0.02, 200.0, 0.0])
     held, _ = held_and_constant()
     for beside in (passive, held):
         loop = [beside, replace(group("linear"), row=building.storeys[1])]
-        refusal(simulate_loop, building, loop, law, [sweep()], match="first")
+        refusal(mr.simulate_loop, building, loop, law, [sweep()], match="first")
     refusal(replace, held, command=1.5, match="1 at most")
     refusal(replace, passive, command=0.5, match="takes no command")
 
 
-BANG_BANG = ControlLaw(name="decentralised_bang_bang", gains={})
+BANG_BANG = mr.ControlLaw(name="decentralised_bang_bang", gains={})
 
 
 def assert_limited(loop: Sequence[Device], of_devices: Mapping[float, Sequence[float]]) -> None:
     """Candidates of these largest commands, each with those of its devices, are such devices alone."""
-    many = simulate_loop(five_storeys(), loop, BANG_BANG, [sweep()], largest_commands=[*of_devices])
+    many = mr.simulate_loop(five_storeys(), loop, BANG_BANG, [sweep()], largest_commands=[*of_devices])
     for candidate, largest in enumerate(of_devices.values()):
         limited = [replace(each, largest_command=most) for each, most in zip(loop, largest, strict=True)]
-        alone = simulate_loop(five_storeys(), limited, BANG_BANG, [sweep()])
+        alone = mr.simulate_loop(five_storeys(), limited, BANG_BANG, [sweep()])
         np.testing.assert_allclose(many.peak_drift[candidate], alone.peak_drift[0], rtol=1e-9)
         np.testing.assert_allclose(many.peak_current[candidate], alone.peak_current[0], rtol=1e-9)
 
@@ -283,8 +280,8 @@ def test_largest_commands_are_shares_where_dampers_follow_currents_and_voltages(
     assert_limited(loop, {0.5: (0.75, 0.4), 1.0: (1.5, 0.8)})
     inputs = five_storeys(), loop, BANG_BANG, [sweep()]
     for largest in (1.5, 0.0):
-        refusal(simulate_loop, *inputs, largest_commands=[largest], match="largest_commands")
-    refusal(simulate_loop, *inputs, mr.Hardware(command_rate=10.0), match="command_rate")
+        refusal(mr.simulate_loop, *inputs, largest_commands=[largest], match="largest_commands")
+    refusal(mr.simulate_loop, *inputs, mr.Hardware(command_rate=10.0), match="command_rate")
 
 
 def test_a_device_gets_no_more_than_its_own_largest_command() -> None:

@@ -10,9 +10,6 @@ import pytest
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.closed_loop import Hardware, LoopVariation, Responses, simulate_loop
-from mrwork.control import ControlLaw
-from mrwork.dampers import DamperSpec
 
 # Tolerance for some thousand steps with another order of summation.
 AGREEMENT = 1e-9
@@ -27,29 +24,29 @@ MOTIONS = [
         name="fine", dt=3.3e-4, acceleration=20.0 * np.random.default_rng(3).standard_normal(3000)
     ),
 ]
-LATE = Hardware(sample_time=2e-3, step=1e-3, delay=3e-3)
+LATE = mr.Hardware(sample_time=2e-3, step=1e-3, delay=3e-3)
 STATIC_LAWS = {"c": "linear", "alpha": "quadratic"}
 STATIC_THETA = [20.0, 10.0, 100.0, 4.0, 9.0, -1.0, 50.0, 0.5, 1e-3, 3.0]
 LOOP_LAWS = {"c": "linear", "k_w": "linear"}
 LOOP_THETA = [10.0, 10.0, 100.0, 1e-3, 4.0, 8.0, 500.0, 0.8, 1.5, LAG]
 GAIN = [[10.0, -40.0, -120.0, 15.0]]
 WEIGHT = [[0.3, -0.1, -1.0, 0.2]]
-LEVELS = ControlLaw(name="passive", gains={"command": [[0.0], [0.7], [2.0]]})
+LEVELS = mr.ControlLaw(name="passive", gains={"command": [[0.0], [0.7], [2.0]]})
 # A belief of a law about its damper: a tenth too strong.
 CURVE = mr.damper("static_hysteretic").with_current_laws(STATIC_LAWS), [1.1 * each for each in STATIC_THETA]
-DIRECT = ControlLaw(name="proportional_direct", gains={"weight": WEIGHT, "slope": [0.5]}, curve=CURVE)
+DIRECT = mr.ControlLaw(name="proportional_direct", gains={"weight": WEIGHT, "slope": [0.5]}, curve=CURVE)
 STATIC = (own_dampers.static, mr.damper("static_hysteretic"))
 LOOP = (own_dampers.loop, mr.damper("normalised_bouc_wen"))
 
 
-def device(spec: DamperSpec, theta: object, **changes: object) -> mr.Device:
+def device(spec: mr.DamperSpec, theta: object, **changes: object) -> mr.Device:
     """A damper in the first storey."""
     return mr.Device(
         name="damper", spec=spec, theta=theta, row=FRAME.storeys[0], largest_command=2.0, **changes
     )
 
 
-def agree(found: Responses, expected: Responses) -> None:
+def agree(found: mr.Responses, expected: mr.Responses) -> None:
     """Outcomes and steps are equal, quantities and histories to rounding."""
     assert found.steps.tolist() == expected.steps.tolist()
     assert found.outcome.tolist() == expected.outcome.tolist()
@@ -65,7 +62,7 @@ def agree(found: Responses, expected: Responses) -> None:
 
 def test_constant_commands_behind_lag_and_delay_with_histories() -> None:
     runs = [
-        simulate_loop(
+        mr.simulate_loop(
             FRAME,
             [device(plain.with_current_laws(LOOP_LAWS, lagged=True), LOOP_THETA, count=1.5)],
             LEVELS,
@@ -80,18 +77,18 @@ def test_constant_commands_behind_lag_and_delay_with_histories() -> None:
 
 def test_two_differential_pairs_with_states_under_a_law_that_switches() -> None:
     """In other storeys, of other numbers, and each with its own command."""
-    law = ControlLaw(name="lyapunov", gains={"weight": [*WEIGHT, [0.1, 0.2, 0.4, -0.8]]})
+    law = mr.ControlLaw(name="lyapunov", gains={"weight": [*WEIGHT, [0.1, 0.2, 0.4, -0.8]]})
     runs = []
     for plain in LOOP:
         first = device(plain.with_current_laws(LOOP_LAWS, lagged=True), LOOP_THETA, differential=True)
         second = replace(first, name="second", row=FRAME.storeys[1], count=2.0)
-        runs.append(simulate_loop(FRAME, [first, second], law, MOTIONS[:1], LATE))
+        runs.append(mr.simulate_loop(FRAME, [first, second], law, MOTIONS[:1], LATE))
     agree(*runs)
     assert np.all((runs[0].mean_current > 0.0) & (runs[0].mean_current < 2.0))
 
 
 def test_a_damper_of_the_user_beside_dampers_of_the_package_one_of_which_holds_a_command() -> None:
-    law = ControlLaw(name="clipped_optimal", gains={"gain": [*GAIN, [20.0, -10.0, -50.0, 80.0]]})
+    law = mr.ControlLaw(name="clipped_optimal", gains={"gain": [*GAIN, [20.0, -10.0, -50.0, 80.0]]})
     core = mr.damper("static_hysteretic").with_current_laws(STATIC_LAWS)
     beside = replace(device(core, STATIC_THETA), name="of the package", row=FRAME.storeys[1], count=2.0)
     maxwell = mr.damper("maxwell")
@@ -102,7 +99,7 @@ def test_a_damper_of_the_user_beside_dampers_of_the_package_one_of_which_holds_a
         first = device(spec, LOOP_THETA)
         held = replace(first, name="held", row=FRAME.storeys[1], command=0.7, differential=True)
         loop = [first, beside, held, passive]
-        runs.append(simulate_loop(FRAME, loop, law, MOTIONS[:1], LATE, histories=True))
+        runs.append(mr.simulate_loop(FRAME, loop, law, MOTIONS[:1], LATE, histories=True))
     own, lanes = runs
     np.testing.assert_array_equal(own.steps, lanes.steps)
     assert (own.histories[0].command[:, 2:] == [0.7, 0.0]).all()  # type: ignore[index] # they are kept
@@ -111,14 +108,14 @@ def test_a_damper_of_the_user_beside_dampers_of_the_package_one_of_which_holds_a
 
 STATIC_CASES = {
     "belief in a curve": (DIRECT, True),
-    "clipped optimal": (ControlLaw(name="clipped_optimal", gains={"gain": GAIN}), False),
+    "clipped optimal": (mr.ControlLaw(name="clipped_optimal", gains={"gain": GAIN}), False),
 }
 
 
 @pytest.mark.parametrize(("law", "differential"), STATIC_CASES.values(), ids=STATIC_CASES)
-def test_dampers_without_states(law: ControlLaw, differential: bool) -> None:
+def test_dampers_without_states(law: mr.ControlLaw, differential: bool) -> None:
     runs = [
-        simulate_loop(
+        mr.simulate_loop(
             FRAME,
             [device(plain.with_current_laws(STATIC_LAWS), STATIC_THETA, differential=differential)],
             law,
@@ -131,9 +128,9 @@ def test_dampers_without_states(law: ControlLaw, differential: bool) -> None:
 
 
 def test_slopes_of_dampers_of_the_user_are_refused() -> None:
-    along = LoopVariation(
+    along = mr.closed_loop.LoopVariation(
         buildings=(FRAME,), delay=np.zeros(1), seed=np.zeros(1, int), changes=np.ones((1, 4))
     )
     loop = [device(STATIC[0].with_current_laws(STATIC_LAWS), STATIC_THETA)]
-    law = ControlLaw(name="clipped_optimal", gains={"gain": GAIN})
-    refusal(simulate_loop, FRAME, loop, law, MOTIONS[:1], variation=along, match="has no slopes")
+    law = mr.ControlLaw(name="clipped_optimal", gains={"gain": GAIN})
+    refusal(mr.simulate_loop, FRAME, loop, law, MOTIONS[:1], variation=along, match="has no slopes")

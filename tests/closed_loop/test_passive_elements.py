@@ -6,15 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from loop_samples import sweep
+from loop_samples import nothing, sweep
 from scipy.integrate import solve_ivp
 
 import mrwork as mr
-from mrwork.buildings import Building
-from mrwork.closed_loop import Hardware, Responses, simulate_loop
-from mrwork.control import ControlLaw
-from mrwork.dampers.simulation import Outcome
-from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -22,45 +17,41 @@ FRAME = mr.building("uts")
 of = mr.buildings
 
 
-def yielding() -> Building:
+def yielding() -> mr.Building:
     return of.with_yielding_damper(
         FRAME, storey=1, yield_force=800.0, yield_displacement=1e-3, post_yield_ratio=0.1
     )
 
 
-def isolated() -> Building:
+def isolated() -> mr.Building:
     return of.with_lead_rubber_bearings(FRAME, mass=330.0, period=1.5, yield_force=900.0, ratio=0.03)
 
 
-def swaying() -> Building:
+def swaying() -> mr.Building:
     return of.with_liquid_column(FRAME, floor=5, mass=60.0, frequency=2.9, width_ratio=0.7, head_loss=4.0)
 
 
-def several() -> Building:
+def several() -> mr.Building:
     both = of.with_friction_damper(yielding(), storey="storey 3", slip_load=300.0, stiffness=1e6)
     return of.with_lead_rubber_bearings(both, mass=330.0, period=1.0, yield_force=600.0)
 
 
 # Of all kinds: `several` has three of them.
-KINDS: tuple[Callable[[], Building], ...] = (isolated, swaying, several)
+KINDS: tuple[Callable[[], mr.Building], ...] = (isolated, swaying, several)
 
 
 def run(
-    building: Building, motion: GroundMotion, *, step: float = 1e-3, factor: int = 1, devices: int = 1
-) -> Responses:
+    building: mr.Building, motion: mr.GroundMotion, *, step: float = 1e-3, factor: int = 1
+) -> mr.Responses:
     """The building with an actuator that gives no force."""
-    spec = mr.damper("dahl")
-    row = building.storeys[0]
-    none = mr.Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0)
-    still = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
-    found = simulate_loop(
-        building, [none], still, [motion], Hardware(step=step), histories=True, step_factor=factor
+    found = mr.simulate_loop(
+        building, *nothing(building), [motion], mr.Hardware(step=step), histories=True, step_factor=factor
     )
-    assert found.outcome[0] == Outcome.FINISHED
+    assert found.outcome[0] == mr.dampers.Outcome.FINISHED
     return found
 
 
-def independent(building: Building, motion: GroundMotion, time: Floats) -> Floats:
+def independent(building: mr.Building, motion: mr.GroundMotion, time: Floats) -> Floats:
     """State and loops by an adaptive integrator, over the equations as the docstring has them."""
     n, elements = building.n_coordinates, building.elements
     inverse = np.linalg.inv(building.mass)
@@ -88,7 +79,7 @@ def independent(building: Building, motion: GroundMotion, time: Floats) -> Float
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_a_building_with_elements_moves_as_an_independent_integrator_says(
-    kind: Callable[[], Building],
+    kind: Callable[[], mr.Building],
 ) -> None:
     building, motion = kind(), sweep()
     found = run(building, motion, step=2.5e-4)
@@ -113,7 +104,7 @@ def test_a_building_with_elements_moves_as_an_independent_integrator_says(
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
-def test_energies_balance_with_the_work_on_the_elements(kind: Callable[[], Building]) -> None:
+def test_energies_balance_with_the_work_on_the_elements(kind: Callable[[], mr.Building]) -> None:
     building = kind()
     coarse = run(building, sweep(), step=1e-3)
     fine = run(building, sweep(), step=1e-3, factor=4)
@@ -125,15 +116,15 @@ def test_energies_balance_with_the_work_on_the_elements(kind: Callable[[], Build
     assert lost > 100.0 * fine.energy_error[0]
 
 
-def slow_cycles(amplitude: float, building: Building, cycles: int = 3) -> GroundMotion:
+def slow_cycles(amplitude: float, building: mr.Building, cycles: int = 3) -> mr.GroundMotion:
     """Ground acceleration far below the natural frequency that moves one storey sinusoidally by an amplitude."""
     dt, frequency = 0.01, 0.1
     time = dt * np.arange(round(cycles / frequency / dt) + 1)
     push = building.stiffness[0, 0] / building.mass[0, 0] * amplitude
-    return GroundMotion(name="slow", dt=dt, acceleration=-push * np.sin(2.0 * np.pi * frequency * time))
+    return mr.GroundMotion(name="slow", dt=dt, acceleration=-push * np.sin(2.0 * np.pi * frequency * time))
 
 
-def stiff_storey() -> Building:
+def stiff_storey() -> mr.Building:
     return of.shear_building(name="stiff", masses=[100.0], stiffnesses=[4e6], storey_damping=[2e3])
 
 

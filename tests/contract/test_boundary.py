@@ -18,22 +18,19 @@ from damper_samples import sine
 from loop_samples import devices, law_with_gains, plant_with, rd1005, sweep
 
 import mrwork as mr
-from mrwork import _rust
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
 from mrwork.closed_loop.printed_loop import printed_loop
-from mrwork.control import regulator_gains
 from mrwork.dampers.simulation import (
     simulate_force,
     simulate_forces,
     simulate_sensitivities,
     stiffness_shares,
 )
-from mrwork.errors import SettingError, SimulationError
 
 REFUSALS = (ValueError, TypeError, AttributeError, LookupError, OverflowError, MemoryError)
 FUNCTIONS = {
     name: function
-    for name, function in vars(_rust).items()
+    for name, function in vars(mr._rust).items()
     if callable(function) and not name.startswith("_") and inspect.signature(function).parameters
 }
 
@@ -47,9 +44,9 @@ def work() -> None:
     simulate_loop(plain, loop, law_with_gains("predictive_rollout", plant_with(loop, plain)), [sweep(0.02)])
     law = law_with_gains("clipped_optimal", plant_with(loop, plain))
     printed = replace(printed_loop(plain, loop, law, Hardware(feedback="observer")), matrices=None)
-    _rust.law_text(printed)
-    width = sum(count for _, count in _rust.law_readings(printed))
-    _rust.law_commands(printed, np.ones((2, width)))
+    mr._rust.law_text(printed)
+    width = sum(count for _, count in mr._rust.law_readings(printed))
+    mr._rust.law_commands(printed, np.ones((2, width)))
     frame = mr.buildings.with_yielding_damper(plain, storey=2, yield_force=50.0, yield_displacement=1e-3)
     law = law_with_gains("inverse_direct", plant_with(loop, frame))
     law = replace(law, gains={"gain": np.multiply.outer([0.5, 1.0, 2.0], law.gains["gain"])})
@@ -61,18 +58,18 @@ def work() -> None:
     spec, signal = mr.damper("dahl"), 1e-3 * np.sin(np.arange(8.0))
     loading = mr.Loading(dt=0.01, displacement=signal, velocity=signal, command=signal**2, command_unit="A")
     history, theta = loading.history(), np.tile(spec.nominal, (3, 1))
-    _rust.misfits(spec.name, theta, history, signal, limits=np.full(3, np.inf))
+    mr._rust.misfits(spec.name, theta, history, signal, limits=np.full(3, np.inf))
     for simulate in (simulate_forces, simulate_sensitivities, stiffness_shares):
         simulate(spec, theta, history)
     rows = {"A": -np.eye(4), "B": np.eye(4)[:, :2], "state_weight": np.eye(4), "control_weight": np.eye(2)}
     stacks = {name: np.tile(matrix, (3, 1, 1)) for name, matrix in rows.items()}
-    regulator_gains(**stacks, scaling=np.tile(np.eye(4), (3, 1, 1)))
-    for function in (_rust.rate, _rust.force):
+    mr.control.regulator_gains(**stacks, scaling=np.tile(np.eye(4), (3, 1, 1)))
+    for function in (mr._rust.rate, mr._rust.force):
         function(spec.name, spec.nominal, np.zeros(1), 0.0, 0.0)
-    _rust.damper_text(spec.name, ["a", "b", "c"], 1e-3)
-    _rust.straight_forces(spec.name, np.array(spec.nominal), signal, signal, signal, 0.01, 2)
-    _rust.flops_per_step(spec.name, spec.nominal)
-    _rust.fma_peak(1, 0.0)
+    mr._rust.damper_text(spec.name, ["a", "b", "c"], 1e-3)
+    mr._rust.straight_forces(spec.name, np.array(spec.nominal), signal, signal, signal, 0.01, 2)
+    mr._rust.flops_per_step(spec.name, spec.nominal)
+    mr._rust.fma_peak(1, 0.0)
 
 
 def bared(value: Any) -> Any:
@@ -100,7 +97,7 @@ def calls() -> dict[str, dict[str, Any]]:
 
     with pytest.MonkeyPatch.context() as patch:
         for name, function in FUNCTIONS.items():
-            patch.setattr(_rust, name, recording(name, function))
+            patch.setattr(mr._rust, name, recording(name, function))
         work()
     assert found.keys() == FUNCTIONS.keys()
     return found
@@ -191,11 +188,11 @@ def test_arrays_of_as_many_numbers_are_not_read_as_others(calls: dict[str, dict[
     dampers, nothing = calls["Dampers"], np.zeros((2**32, 0, 0))
     draws, n_devices, columns = dampers["theta"].shape
     with pytest.raises(ValueError, match="theta"):
-        _rust.Dampers(**{**dampers, "theta": np.ones((1, draws * n_devices, columns))})
+        mr._rust.Dampers(**{**dampers, "theta": np.ones((1, draws * n_devices, columns))})
     with pytest.raises(ValueError, match="state"):
-        _rust.riccati_equations("discrete", nothing, nothing, nothing, nothing)
+        mr._rust.riccati_equations("discrete", nothing, nothing, nothing, nothing)
     with pytest.raises(AttributeError, match="steps"):
-        _rust.respond(**{**calls["respond"], "hardware": SimpleNamespace(sample_time=1e-3)})
+        mr._rust.respond(**{**calls["respond"], "hardware": SimpleNamespace(sample_time=1e-3)})
 
 
 def test_wrong_columns_and_unknown_models_are_told(spec: Any, calls: dict[str, dict[str, Any]]) -> None:
@@ -213,7 +210,7 @@ def test_wrong_columns_and_unknown_models_are_told(spec: Any, calls: dict[str, d
 @pytest.mark.parametrize("velocity", [None, np.linspace(-1.0, 1.0, 8)])
 def test_histories_pickle_and_do_not_see_later_changes_of_their_arrays(velocity: np.ndarray | None) -> None:
     displacement = np.sin(np.arange(8.0))
-    history = _rust.LoadingHistory(0.01, displacement, velocity)
+    history = mr._rust.LoadingHistory(0.01, displacement, velocity)
     before = history.stages(3)
     displacement[:] = 0.0
     copy = pickle.loads(pickle.dumps(history))
@@ -223,16 +220,16 @@ def test_histories_pickle_and_do_not_see_later_changes_of_their_arrays(velocity:
 
 
 def test_a_simulation_that_fails_or_cannot_be_is_an_error_of_ours_with_its_remedy(spec: Any) -> None:
-    with pytest.raises(SettingError, match="`theta` of simulate_force is nan at 0"):
+    with pytest.raises(mr.errors.SettingError, match="`theta` of simulate_force is nan at 0"):
         simulate_force(spec, np.full(len(spec.parameters), np.nan), sine(n_time=60))
-    with pytest.raises(SettingError, match="sub-step factor"):
+    with pytest.raises(mr.errors.SettingError, match="sub-step factor"):
         simulate_forces(spec, spec.nominal[None], sine(n_time=60).history(), substep_factor=5)
     failures = []
     # A rate is too stiff where it is large, a time where it is short.
     for size in (1e100, 1e-100):
         try:
             simulate_force(spec, np.full(len(spec.parameters), size), sine(n_time=60))
-        except SimulationError as failure:
+        except mr.errors.SimulationError as failure:
             failures.append(str(failure))
     assert failures or not spec.n_states
     assert all(f"{spec.name} ended as" in failure for failure in failures)

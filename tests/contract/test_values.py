@@ -137,6 +137,10 @@ def test_nan_equals_nan() -> None:
         assert each == with_nan
 
 
+def tower(n_storeys: int) -> mr.Building:
+    return mr.buildings.shear_building(name="tower", masses=[1.0] * n_storeys, stiffnesses=[1.0] * n_storeys)
+
+
 @pytest.mark.parametrize(
     ("made", "name"),
     [
@@ -144,6 +148,7 @@ def test_nan_equals_nan() -> None:
         (lambda given: mr.Loading(dt=0.01, displacement=given), "displacement"),
         (lambda given: mr.Loading(dt=0.01, displacement=np.zeros(150), command=given), "command"),
         (lambda given: replace(posterior_samples.small_test(), force=given), "force"),
+        (lambda given: replace(tower(150), influence=given), "influence"),
         (lambda given: replace(loop_samples.devices(loop_samples.rd1005())[0], row=given), "row"),
     ],
 )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from plotted_results import RESULTS, calibration
+from plotted_results import RESULTS, calibration, other_test
 from posterior_samples import MODEL, small_draws, small_fit, small_sampling, small_test
 
 import mrwork as mr
@@ -31,7 +31,7 @@ def _sphere(unit: np.ndarray) -> np.ndarray:
 
 @cache
 def _prediction() -> mr.Prediction:
-    return mr.predict(small_fit(), _other_test())
+    return mr.predict(small_fit(), other_test())
 
 
 @cache
@@ -39,17 +39,6 @@ def _begun() -> tuple[Any, Any, np.ndarray]:
     state = _SPHERE.start(2, 0)
     proposal = _SPHERE.ask(state)
     return state, proposal, _sphere(proposal.unit)
-
-
-@cache
-def _other_test(frequency: float = 2.0) -> mr.DamperTest:
-    time = 0.01 * np.arange(150)
-    phase = 2.0 * np.pi * frequency * time
-    x, v = 0.005 * np.sin(phase), 0.01 * np.pi * frequency * np.cos(phase)
-    loading = mr.Loading(dt=0.01, displacement=x, velocity=v)
-    force = 1.1 * mr.simulate_force(mr.damper(MODEL), small_fit().theta, loading)
-    channels = {"time": time, "displacement": x, "velocity": v, "force": force}
-    return mr.test_from_arrays(name=f"{frequency:g} Hz", **channels)
 
 
 def _free(coordinates: Any = "theta") -> identification.CandidateObjective:
@@ -63,7 +52,7 @@ def identification_calls(_: Path) -> Calls:
     objective = target.objective
     fit, test = small_fit(), small_test()
     values = {
-        **{"model": "bingham", "tests": (test, _other_test()), "search": _QUICK, "bounds": _FREE, "rng": 1},
+        **{"model": "bingham", "tests": (test, other_test()), "search": _QUICK, "bounds": _FREE, "rng": 1},
         **{"observe": ("gain=1.1", "offset=each"), "starts": ({"c0": 1000.0},), "threads": 1},
         **{"ties": {"f0": "0.01*c0"}, "force_exponent": 1.0, "engine": "lanes"},
     }
@@ -110,10 +99,10 @@ def uncertainty_calls(folder: Path) -> Calls:
     fit, test = small_fit(), small_test()
     yield call(mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True)
     yield call(mr.save, result=fit, folder=folder / "saved")
-    yield call(mr.predict, fit=fit, test=_other_test(), observe="offset=each")
+    yield call(mr.predict, fit=fit, test=other_test(), observe="offset=each")
     calibration = mr.calibrate([_prediction()], held_out="not seen")
-    yield call(mr.predict, fit=fit, test=[_other_test()], calibration=calibration, level=0.9)
-    left_out = {"tests": [test, _other_test()], "identify_rest": lambda tests: small_fit()}
+    yield call(mr.predict, fit=fit, test=[other_test()], calibration=calibration, level=0.9)
+    left_out = {"tests": [test, other_test()], "identify_rest": lambda tests: small_fit()}
     yield call(uncertainty.predict_left_out, fold="test", **left_out)
     yield call(uncertainty.predict_beyond, **left_out)
     yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen", beyond=[_prediction()])

@@ -7,11 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork import Device
-from mrwork.buildings import Building
-from mrwork.closed_loop import History
-from mrwork.control import ControlLaw
-from mrwork.motions import GroundMotion
+import mrwork as mr
 from tests.control.rollout_formula import RolloutInNumPy
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -21,8 +17,8 @@ Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class Recorded:
     """Inputs of the law at its samples, arrays of shape (n_time, ...), and the numbers of the law."""
 
-    law: ControlLaw
-    devices: Sequence[Device]
+    law: mr.ControlLaw
+    devices: Sequence[mr.Device]
     state: Floats
     deformation: Floats
     rate: Floats
@@ -35,11 +31,11 @@ class Recorded:
     @classmethod
     def of(
         cls,
-        law: ControlLaw,
-        building: Building,
-        devices: Sequence[Device],
-        motion: GroundMotion,
-        run: History,
+        law: mr.ControlLaw,
+        building: mr.Building,
+        devices: Sequence[mr.Device],
+        motion: mr.GroundMotion,
+        run: mr.closed_loop.History,
         sample_time: float,
     ) -> Recorded:
         # The velocity of straight pieces is exact at their joints only: samples that fall between take the parabola.

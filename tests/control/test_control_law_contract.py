@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from loop_samples import (
     LARGEST,
-    at_samples,
     devices,
     five_storeys,
     friction,
     law_with_gains,
     plant_with,
     rd1005,
+    run_of,
     still,
     sweep,
 )
@@ -25,10 +25,10 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.closed_loop import Fault, Hardware, History, Responses, simulate_loop
+from mrwork.closed_loop import Fault, Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw, ControlLawSpec, control_laws
 from mrwork.dampers.simulation import Outcome
-from mrwork.motions import GroundMotion, trimmed
+from mrwork.motions import trimmed
 from tests.control.law_formulas import FORMULAS, SEARCHED, Recorded, commands
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -55,14 +55,6 @@ def spec(request: pytest.FixtureRequest) -> ControlLawSpec:
 
 def law_of(spec: ControlLawSpec, loop: list[Device], *, strength: float = 1.0) -> ControlLaw:
     return law_with_gains(spec.name, plant_with(loop), strength=strength)
-
-
-def run_of(
-    law: ControlLaw, loop: list[Device], hardware: Hardware | None = None, motion: GroundMotion | None = None
-) -> History:
-    response = simulate_loop(five_storeys(), loop, law, [motion or sweep()], hardware, histories=True)
-    assert response.outcome[0] == Outcome.FINISHED
-    return at_samples(response)
 
 
 def candidates(spec: ControlLawSpec, loop: list[Device], count: int) -> ControlLaw:
@@ -108,7 +100,7 @@ def test_commands_are_those_of_the_formula(spec: ControlLawSpec, sample_time: fl
     law = law_of(spec, loop)
     # The rollout and a search in NumPy take milliseconds for a decision.
     motion = trimmed(sweep(), end=0.4 if spec.needs_model or spec.name in SEARCHED else 1.5)
-    run = run_of(law, loop, Hardware(sample_time=sample_time), motion)
+    run = run_of(loop, law, Hardware(sample_time=sample_time), motion)
     seen = Recorded.of(law, five_storeys(), loop, motion, run, sample_time)
     expected = commands(seen)
     if spec.name in SEARCHED:
@@ -132,7 +124,7 @@ def test_a_current_inside_the_tanh_is_inverted_and_the_parabola_does_not() -> No
     loop, missed = devices(rd1005()), []
     for name in ("inverse_direct", "inverse_parabola"):
         law = replace(law_with_gains(name, plant_with(loop)), curve=curve)
-        run = run_of(law, loop, motion=SHORT)
+        run = run_of(loop, law, motion=SHORT)
         seen = Recorded.of(law, five_storeys(), loop, SHORT, run, 1e-3)
         found, best = (seen.believed(each) for each in (run.command, FORMULAS["inverse_direct"](seen)))
         apart = np.abs(found - seen.wanted) - np.abs(best - seen.wanted)
@@ -146,7 +138,7 @@ def test_commands_stay_in_their_range(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
     loop[1] = replace(loop[1], largest_command=0.7)
     for strength in (1.0, -1.0, 1e3):
-        run = run_of(law_of(spec, loop, strength=strength), loop)
+        run = run_of(loop, law_of(spec, loop, strength=strength), motion=sweep())
         assert np.all((run.command >= 0.0) & (run.command <= [LARGEST, 0.7]))
         assert np.all((run.current >= 0.0) & (run.current <= [LARGEST, 0.7]))
 
@@ -163,7 +155,7 @@ def test_commands_stay_in_their_range(spec: ControlLawSpec) -> None:
 )
 def test_a_law_that_asks_for_nothing_sends_nothing(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
-    run = run_of(law_of(spec, loop, strength=0.0), loop)
+    run = run_of(loop, law_of(spec, loop, strength=0.0), motion=sweep())
     np.testing.assert_array_equal(run.command, 0.0)
 
 
@@ -177,7 +169,7 @@ def test_a_building_at_rest_stays_at_rest(spec: ControlLawSpec) -> None:
 @pytest.mark.parametrize("spec", SEMI_ACTIVE, ids=name_of)
 def test_friction_never_gives_energy_back(spec: ControlLawSpec) -> None:
     loop = devices(friction())
-    work = run_of(law_of(spec, loop), loop).device_energy
+    work = run_of(loop, law_of(spec, loop), motion=sweep()).device_energy
     # Force times rate is positive at every stage of every step, so every step adds.
     assert np.all(np.diff(work, axis=0) >= 0.0)
     assert np.all(work[-1] > 0.0)
@@ -186,7 +178,7 @@ def test_friction_never_gives_energy_back(spec: ControlLawSpec) -> None:
 @pytest.mark.parametrize("spec", SEMI_ACTIVE, ids=name_of)
 def test_a_hysteretic_device_gives_back_no_more_than_it_may_hold(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
-    run = run_of(law_of(spec, loop), loop)
+    run = run_of(loop, law_of(spec, loop), motion=sweep())
     # On the way back from |x|, each damper returns at most the k x and alpha tanh(delta) of its best command, on the
     # way out it takes at least the k x of its worst (Kwok et al. 2006); the constant force moves with x alone.
     stiffest, softest = 5100.0, 5100.0 - 1700.0 * LARGEST

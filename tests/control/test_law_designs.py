@@ -57,7 +57,3 @@ def test_a_static_damper_is_its_own_curve_and_another_model_needs_a_counterpart(
     counterpart, _ = replace(unstated, amplitude=(1e-3, 1e-2), velocity=(1e-2, 1e-1)).curve
     assert counterpart.name == "static_hysteretic"
     assert design_problem().curve[0] == design_problem().devices[0].spec
-
-
-def test_only_the_ideal_law_commands_forces() -> None:
-    assert [spec.name for spec in mr.control.control_laws() if spec.commands_force] == ["active"]

@@ -8,25 +8,17 @@ import scipy
 
 import mrwork as mr
 from mrwork.base.values import Floats
-from mrwork.control import (
-    LoopMargins,
-    Plant,
-    loop_margins,
-    plant_of,
-    regulator_of_outputs,
-    regulator_of_state,
-)
 
 STEP = 1e-3
 
 
-def plant_with(devices: int) -> Plant:
+def plant_with(devices: int) -> mr.control.Plant:
     frame = mr.building("uts")
-    return plant_of(frame, frame.storeys[:devices])
+    return mr.control.plant_of(frame, frame.storeys[:devices])
 
 
 def spectral_radius(
-    plant: Plant, gain: Floats, *, delay: int, rate: float | None, factors: Floats, held: Floats
+    plant: mr.control.Plant, gain: Floats, *, delay: int, rate: float | None, factors: Floats, held: Floats
 ) -> float:
     """Largest pole of the loop with the desired forces times factors, `held` the samples that each is late."""
     m, n = plant.n_devices, len(plant.A)
@@ -55,11 +47,13 @@ def spectral_radius(
 CASES = [(1, 0, None), (1, 0, 190.0), (1, 4, 190.0), (2, 2, None), (2, 3, 190.0)]
 
 
-def margins_of(devices: int, delay: int, rate: float | None) -> tuple[Plant, Floats, LoopMargins]:
+def margins_of(
+    devices: int, delay: int, rate: float | None
+) -> tuple[mr.control.Plant, Floats, mr.control.LoopMargins]:
     plant = plant_with(devices)
-    gain = regulator_of_state(plant, plant.energy, 1e-5).gain
+    gain = mr.control.regulator_of_state(plant, plant.energy, 1e-5).gain
     rates = (rate,) * devices
-    found = loop_margins(plant, gain, sample_time=STEP, delay=delay * STEP, driver_rates=rates)
+    found = mr.control.loop_margins(plant, gain, sample_time=STEP, delay=delay * STEP, driver_rates=rates)
     assert found.stable
     return plant, gain, found
 
@@ -101,16 +95,16 @@ def test_the_loop_is_stable_up_to_its_delay_margin(devices: int, delay: int, rat
 def test_a_regulator_of_the_state_without_lag_has_sixty_degrees() -> None:
     """Its return difference is at least 1 (Kalman 1964); sampling at 0.1 ms takes a little of it."""
     plant = plant_with(1)
-    gain = regulator_of_state(plant, plant.energy, 1e-5).gain
-    (margins,) = loop_margins(plant, gain, sample_time=1e-4).devices
+    gain = mr.control.regulator_of_state(plant, plant.energy, 1e-5).gain
+    (margins,) = mr.control.loop_margins(plant, gain, sample_time=1e-4).devices
     assert margins.phase > 59.0
     assert margins.gain_down == 0.0
 
 
 def test_an_unstable_loop_is_said_to_be_so_and_has_no_margins() -> None:
     plant = plant_with(1)
-    gain = regulator_of_outputs(plant, mr.control.drifts(plant), 1.0, 1e-14).gain
-    found = loop_margins(plant, gain, sample_time=1e-3, delay=5e-3, driver_rates=[190.0])
+    gain = mr.control.regulator_of_outputs(plant, mr.control.drifts(plant), 1.0, 1e-14).gain
+    found = mr.control.loop_margins(plant, gain, sample_time=1e-3, delay=5e-3, driver_rates=[190.0])
     assert not found.stable
     assert not found.devices
     assert "is not stable" in found.in_words
@@ -118,9 +112,9 @@ def test_an_unstable_loop_is_said_to_be_so_and_has_no_margins() -> None:
 
 def test_a_delay_of_part_of_a_sample_lies_between_those_of_whole_samples() -> None:
     plant = plant_with(1)
-    gain = regulator_of_state(plant, plant.energy, 1e-5).gain
+    gain = mr.control.regulator_of_state(plant, plant.energy, 1e-5).gain
     delays = [
-        loop_margins(plant, gain, sample_time=STEP, delay=share * STEP).devices[0].delay
+        mr.control.loop_margins(plant, gain, sample_time=STEP, delay=share * STEP).devices[0].delay
         for share in (0.0, 0.5, 1.0)
     ]
     assert delays[0] - delays[1] == pytest.approx(0.5 * STEP, rel=0.02)
@@ -130,9 +124,9 @@ def test_a_delay_of_part_of_a_sample_lies_between_those_of_whole_samples() -> No
 def test_rounding_is_no_decay_and_no_margin() -> None:
     """An undamped frame at rest is not stable, and with a dashpot it has no least gain."""
     frame = mr.buildings.shear_building(name="four", masses=[300.0] * 4, stiffnesses=[4e5] * 4)
-    plant = plant_of(frame, frame.storeys[:1])
-    assert not loop_margins(plant, np.zeros((1, 8))).stable
-    regulator = regulator_of_state(plant, plant.energy, 1e-5)
-    margins = loop_margins(plant, regulator.gain)
+    plant = mr.control.plant_of(frame, frame.storeys[:1])
+    assert not mr.control.loop_margins(plant, np.zeros((1, 8))).stable
+    regulator = mr.control.regulator_of_state(plant, plant.energy, 1e-5)
+    margins = mr.control.loop_margins(plant, regulator.gain)
     assert margins.stable
     assert margins.devices[0].gain_down == 0.0

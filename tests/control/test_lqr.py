@@ -5,9 +5,10 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
-from control_samples import five_storeys, frame, in_units, mean_cost, plant
+from control_samples import frame, in_units, mean_cost, plant
 from refusals import refusal
 
+import mrwork as mr
 from mrwork.control import (
     Plant,
     accelerations,
@@ -110,7 +111,7 @@ def test_the_cross_term_counts() -> None:
 
 def test_return_difference_is_that_of_an_optimal_loop() -> None:
     """`(1 + L)* R (1 + L) = H*H + R` with L = K (jw - A)^-1 B (Kalman, J. Basic Eng. 86, 1964, 51-60)."""
-    system = plant(2, five_storeys())
+    system = plant(2, mr.building("uts"))
     outputs = drifts(system)
     regulator = regulator_of_outputs(system, outputs, np.full(5, 1e4), 1e-7)
     for frequency in (0.5, 3.0, 8.7, 17.0, 60.0):
@@ -131,7 +132,7 @@ def test_a_damping_force_is_wanted_where_energy_is_weighed() -> None:
 
 def test_closed_loop_is_stable_and_faster() -> None:
     for n_devices in (1, 3, 5):
-        system = plant(n_devices, five_storeys())
+        system = plant(n_devices, mr.building("uts"))
         regulator = regulator_of_state(system, system.energy, 1e-4)
         assert regulator.poles.real.max() < np.linalg.eigvals(system.A).real.max() < 0.0
         poles = np.linalg.eigvals(system.A - system.B @ regulator.gain)

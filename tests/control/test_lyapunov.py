@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
-from control_samples import five_storeys, in_units, plant, three_storeys
+from control_samples import in_units, plant
 from refusals import refusal
 
+import mrwork as mr
 from mrwork.control import lyapunov_function
 
 
 @pytest.mark.parametrize("n_devices", [1, 3])
 def test_the_function_falls_as_stated(n_devices: int) -> None:
-    system = plant(n_devices, five_storeys())
+    system = plant(n_devices, mr.building("uts"))
     function = lyapunov_function(system)
     rng = np.random.default_rng(9)
     for _ in range(5):
@@ -50,5 +51,5 @@ def test_its_value_along_a_free_motion_is_what_is_still_to_be_lost() -> None:
 
 
 def test_what_has_no_function_is_refused() -> None:
-    undamped = replace(three_storeys(), damping=np.zeros((3, 3)))
+    undamped = replace(mr.building("dyke1996"), damping=np.zeros((3, 3)))
     refusal(lyapunov_function, plant(1, undamped), match="needs damping in every mode")

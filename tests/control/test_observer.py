@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_samples import five_storeys, frame, in_units, plant
+from control_samples import frame, in_units, plant
 from refusals import refusal
 
+import mrwork as mr
 from mrwork.control import Plant, accelerations, deformations, observer_of, plant_of
 from mrwork.control.linear.lqr import Observer
 from mrwork.control.linear.plant import Outputs, stack_outputs
@@ -42,7 +43,8 @@ def test_inputs_are_held_over_the_sample() -> None:
 
 
 @pytest.mark.parametrize(
-    "chosen", [("acceleration 1", "acceleration 3"), ("deformation device 1", "acceleration 2")]
+    "chosen",
+    [("acceleration floor 1", "acceleration floor 3"), ("deformation device 1", "acceleration floor 2")],
 )
 def test_errors_scatter_as_the_riccati_equation_says_and_have_no_mean(chosen: tuple[str, ...]) -> None:
     """200 runs of 1500 samples, some 4000 independent errors: variances scatter by 2 %, means by 1.6 %."""
@@ -78,7 +80,7 @@ def test_errors_scatter_as_the_riccati_equation_says_and_have_no_mean(chosen: tu
 
 @pytest.mark.parametrize("n_devices", [1, 3])
 def test_any_other_gain_leaves_a_larger_error(n_devices: int) -> None:
-    system = plant(n_devices, five_storeys())
+    system = plant(n_devices, mr.building("uts"))
     observer = observer_of(system, sensors(system), TS)
     _, added = held_exactly(system, TS)
     process = added[:, -1:] @ added[:, -1:].T / TS

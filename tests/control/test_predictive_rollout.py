@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from loop_samples import (
-    LAG,
     LARGEST,
     believed,
     design_problem,
     devices,
     five_storeys,
+    hysteretic,
     plant_with,
     rd1005,
     sweep,
@@ -25,7 +25,6 @@ from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
 from mrwork.control import ControlLaw, LoopModel, design_law
 from mrwork.control.laws.law_settings import design_candidates
-from mrwork.dampers import DamperSpec
 from mrwork.dampers.simulation import Outcome
 from tests.control.rollout_formula import Loops, RolloutInNumPy
 
@@ -43,13 +42,6 @@ NOISY = {
     "force_noise": 10.0,
     "ground_acceleration_noise": 0.02,
 }
-
-
-def hysteretic() -> tuple[DamperSpec, Floats]:
-    """A Bouc-Wen loop of 230 N that the command raises, behind a lag."""
-    spec = mr.damper("bouc_wen").with_current_laws({"alpha": "linear", "c0": "linear"}, lagged=True)
-    # c0 by the current, k0, x0, alpha by the current, gamma, beta, A, n, eta.
-    return spec, np.array([700.0, 900.0, 800.0, 0.0, 3e4, 4e4, 1e6, 1e6, 120.0, 2.0, LAG])
 
 
 def rollout(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from control_samples import five_storeys, plant
+from control_samples import plant
 from refusals import refusal
 
+import mrwork as mr
 from mrwork.control import Plant, optimal_surface, plant_of
 from mrwork.control.laws.sliding import SlidingSettings, SlidingSurface
 
@@ -107,7 +108,7 @@ def test_an_ideal_actuator_is_brought_to_the_surface_and_held(law: str, bound: f
 
 
 def test_gains_follow_their_formulas() -> None:
-    surface = optimal_surface(plant(2, five_storeys()))
+    surface = optimal_surface(plant(2, mr.building("uts")))
     gains = SETTINGS.gains(surface)
     assert np.all(gains["switching"] > 2.0 * np.abs(surface.ground))
     np.testing.assert_allclose(gains["boundary"] * 100.0, gains["switching"])
@@ -118,6 +119,6 @@ def test_gains_follow_their_formulas() -> None:
 
 
 def test_what_has_no_surface_is_refused() -> None:
-    building = five_storeys()
+    building = mr.building("uts")
     twice = plant_of(building, building.storeys[[0, 0]])
     refusal(optimal_surface, twice, match="act on the building in the same way")

@@ -17,20 +17,10 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.buildings import Building
-from mrwork.control import (
-    DesignedWeights,
-    SemiActiveCondition,
-    accelerations,
-    design_weights,
-    drifts,
-    plant_of,
-)
-from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.control.linear.plant import deformation_rates, stack_outputs
 from mrwork.control.weights.limits import LimitedOutputs, RmsLimits
 from mrwork.control.weights.system import design_system
-from mrwork.errors import SettingError
 from mrwork.motions import KanaiTajimi
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
@@ -42,23 +32,23 @@ def frame() -> Building:
 
 
 @cache
-def designed() -> DesignedWeights:
+def designed() -> mr.control.DesignedWeights:
     """Five storeys, where a drift and an acceleration bind."""
-    return design_weights(frame(), frame().storeys[:1], limits=LIMITS, budget=BUDGET)
+    return mr.control.design_weights(frame(), frame().storeys[:1], limits=LIMITS, budget=BUDGET)
 
 
-def design(building: Building, n_devices: int = 1, **given: Any) -> DesignedWeights:
-    return design_weights(building, building.storeys[:n_devices], **given)
+def design(building: Building, n_devices: int = 1, **given: Any) -> mr.control.DesignedWeights:
+    return mr.control.design_weights(building, building.storeys[:n_devices], **given)
 
 
 def in_si(building: Building) -> tuple[np.ndarray, ...]:
     """A, B, intensity of the ground, C and D of building and soil, typed once more."""
-    plant, spectrum = plant_of(building, building.storeys[:1]), KanaiTajimi()
+    plant, spectrum = mr.control.plant_of(building, building.storeys[:1]), KanaiTajimi()
     soil, n = spectrum.filter_matrices(), 2 * plant.n_coordinates
     A = np.block([[plant.A, np.outer(plant.E, soil.output)], [np.zeros((2, n)), soil.state]])
     B = np.vstack([plant.B, np.zeros((2, 1))])
     w = np.concatenate([np.zeros(n), soil.noise]) * np.sqrt(2.0 * np.pi * spectrum.intensity)
-    y = stack_outputs(drifts(plant), accelerations(plant))
+    y = stack_outputs(mr.control.drifts(plant), mr.control.accelerations(plant))
     return A, B, np.outer(w, w), np.hstack([y.C, np.zeros((len(y.C), 2))]), y.D
 
 
@@ -123,7 +113,7 @@ def test_a_tall_building_is_designed_on_modes_and_certified_on_all_of_them() -> 
 
 def test_modes_that_are_left_out_follow_at_once() -> None:
     """A design on few modes has nearly the value of all; without their flexibility it would not be half as good."""
-    plant, outputs = plant_of(shear_frame(8), shear_frame(8).storeys[:1]), RmsLimits(rms_drift=1.0)
+    plant, outputs = mr.control.plant_of(shear_frame(8), shear_frame(8).storeys[:1]), RmsLimits(rms_drift=1.0)
     limited = LimitedOutputs.of(outputs, plant)
     whole, few = (design_system(plant, limited, KanaiTajimi(), n_modes=each) for each in (None, 3))
     static = [each.D - each.C @ np.linalg.solve(each.A, each.B) for each in (whole, few)]
@@ -147,9 +137,9 @@ def test_rms_values_are_those_of_a_lyapunov_equation_in_si() -> None:
 
 
 def test_the_gain_is_that_of_the_weights_in_the_settings_of_a_law() -> None:
-    found, plant = designed(), plant_of(frame(), frame().storeys[:1])
+    found, plant = designed(), mr.control.plant_of(frame(), frame().storeys[:1])
     for scale in (1.0, 1e-3):
-        settings = RegulatorSettings(**found.settings(scale))
+        settings = mr.control.RegulatorSettings(**found.settings(scale))
         expected = settings.regulator(design_problem()).gain
         error = np.linalg.norm((found.gain_with(scale) - expected) @ plant.scaling)
         assert error <= 1e-7 * np.linalg.norm(expected @ plant.scaling)
@@ -234,7 +224,7 @@ def test_limits_and_budgets_may_have_units() -> None:
 
 def test_the_semi_active_condition_is_met() -> None:
     for share in (0.2, 0.1):
-        free, condition = designed(), SemiActiveCondition(share=share)
+        free, condition = designed(), mr.control.SemiActiveCondition(share=share)
         found = design(frame(), limits=LIMITS, budget=BUDGET, semi_active=condition)
         assert found.reachable_ratio >= free.reachable_ratio
         assert found.certificate.gap <= 1e-4
@@ -259,11 +249,11 @@ def test_dampings_of_a_semi_active_condition_are_those_of_the_least_ratio(
 ) -> None:
     """The force follows the condition, so that to take its damping for the next one creeps to the optimum."""
     case: dict[str, Any] = {"n_devices": n_devices, "limits": {"rms_drift": 2e-3}, "budget": budget}
-    found = design(frame(), **case, semi_active=SemiActiveCondition(share=0.1))
+    found = design(frame(), **case, semi_active=mr.control.SemiActiveCondition(share=0.1))
     ratios = []
     for dampings in product(np.geomspace(1e1, 1e5, 13 if n_devices == 1 else 4), repeat=n_devices):
-        condition = SemiActiveCondition(share=0.1, damping=tuple(dampings))
-        with suppress(SettingError):
+        condition = mr.control.SemiActiveCondition(share=0.1, damping=tuple(dampings))
+        with suppress(mr.errors.SettingError):
             ratios.append(design(frame(), **case, semi_active=condition).reachable_ratio)
     assert len(ratios) >= 6
     assert found.reachable_ratio <= 1.0005 * min(ratios)
@@ -273,12 +263,12 @@ def test_dampings_of_a_semi_active_condition_are_those_of_the_least_ratio(
 def test_a_budget_that_a_semi_active_design_does_not_use_leaves_a_control_weight() -> None:
     """Its multiplier may be zero; a law gives one size of R as a ratio to the control weight."""
     found = design(
-        frame(), limits={"rms_drift": 1e-3}, budget=2e5, semi_active=SemiActiveCondition(share=0.1)
+        frame(), limits={"rms_drift": 1e-3}, budget=2e5, semi_active=mr.control.SemiActiveCondition(share=0.1)
     )
     assert 0.0 < found.control_weight[0] <= 1e-3 * found.R[0, 0]
 
 
-def force_and_rate(found: DesignedWeights) -> float:
+def force_and_rate(found: mr.control.DesignedWeights) -> float:
     """Correlation of desired force and rate of elongation under the Riccati gain on all states."""
     A, B, ground, _, _ = in_si(frame())
     Q, N = (np.pad(each, ((0, 2), (0, 2 * (each.shape[1] > 1)))) for each in (found.Q, found.N))
@@ -290,7 +280,7 @@ def force_and_rate(found: DesignedWeights) -> float:
 
 
 def test_a_condition_that_cannot_be_is_refused() -> None:
-    two = SemiActiveCondition(share=0.2, damping=(1e3, 1e3))
+    two = mr.control.SemiActiveCondition(share=0.2, damping=(1e3, 1e3))
     refusal(
         design,
         frame(),

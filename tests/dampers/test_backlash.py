@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from backlash_rig import DT, ELEMENT, MOTIONS, PLAY, force_behind_play
+from loop_samples import under_a_sine
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
 from mrwork.dampers.simulation import Loading, simulate_force
@@ -14,12 +16,7 @@ WIDTH = 2e-4
 
 
 def motion_of(amplitude: float, frequency: float) -> Loading:
-    angle = 2.0 * np.pi * frequency * DT * np.arange(1001)
-    return Loading(
-        dt=DT,
-        displacement=amplitude * np.sin(angle),
-        velocity=2.0 * np.pi * frequency * amplitude * np.cos(angle),
-    )
+    return harmonic(DT * np.arange(1001), (amplitude, frequency))
 
 
 def force(loading: Loading, model: str = "backlash_bouc_wen", **changes: float) -> np.ndarray:
@@ -68,19 +65,8 @@ def test_longer_strokes_have_the_spring_force_of_a_stroke_shorter_by_the_play() 
 
 
 def test_in_a_building_its_energies_balance() -> None:
-    building = mr.building("uts")
     spec = mr.damper("backlash_bouc_wen")
     values = {**ELEMENT, "g": PLAY}
-    device = mr.Device(
-        name="one",
-        spec=spec,
-        theta=[values[name] for name in spec.names],
-        row=building.storeys[0],
-        largest_command=1.0,
-    )
-    ground = 3.0 * np.sin(15.0 * np.arange(0.0, 3.0, 0.01))
-    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=ground)
-    law = mr.ControlLaw(name="passive", gains={"command": [[0.0]]})
-    responses = mr.simulate_loop(building, [device], law, [motion])
+    responses = under_a_sine(spec, [values[name] for name in spec.names])
     assert responses.energy_error[0] < 1e-3
     assert responses.peak_stroke[0, 0] > PLAY

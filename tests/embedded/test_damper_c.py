@@ -13,15 +13,12 @@ from c_programs import compiled, library, output_of
 from refusals import refusal
 
 import mrwork as mr
-from mrwork import _rust
 from mrwork.dampers.simulation import Loading, simulate_forces
-from mrwork.dampers.spec import DamperSpec
-from mrwork.dampers.tested_range import OperatingRange
 from mrwork.embedded.c_source import CSource, Flavour, c_name, c_names
 from mrwork.embedded.damper_c import damper_source
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-MODELS = [each["name"] for each in _rust.damper_specs()]
+MODELS = [each["name"] for each in mr._rust.damper_specs()]
 LAWS: dict[str, tuple[str, dict[str, str], float]] = {
     # Model, laws, and the exponent n of its loop, 0 where it has none.
     "polynomials": ("bingham", {"f_c": "linear", "c0": "quadratic"}, 0.0),
@@ -33,15 +30,15 @@ _SHARES = {"exponential": (0.5, 0.3, -0.5), "linear": (0.4, 0.3), "quadratic": (
 _SHARES["cubic"] = (0.4, 0.3, -0.03, 0.004)
 
 
-def ranges_of(spec: DamperSpec) -> OperatingRange:
+def ranges_of(spec: mr.DamperSpec) -> mr.records.OperatingRange:
     command = (0.0, 2.25) if spec.follows_command else None
     unit = spec.command_unit
-    return OperatingRange(
+    return mr.records.OperatingRange(
         stroke=0.02, velocity=0.1, frequency=None, command=command, command_unit=unit, force=1e3, power=1.0
     )
 
 
-def with_laws(case: str, *, lagged: bool) -> tuple[DamperSpec, Floats]:
+def with_laws(case: str, *, lagged: bool) -> tuple[mr.DamperSpec, Floats]:
     model, laws, exponent = LAWS[case]
     plain = mr.damper(model)
     spec = plain.with_current_laws(laws, lagged=lagged)
@@ -59,7 +56,7 @@ def with_laws(case: str, *, lagged: bool) -> tuple[DamperSpec, Floats]:
     return spec, np.array([*values()])
 
 
-def printed(name: str, spec: DamperSpec, theta: Floats, flavour: Flavour | None = None) -> CSource:
+def printed(name: str, spec: mr.DamperSpec, theta: Floats, flavour: Flavour | None = None) -> CSource:
     return damper_source(name, spec, theta, ranges_of(spec), flavour or Flavour(), sample_time=1e-3)
 
 
@@ -122,7 +119,7 @@ def test_other_flavours_differ_by_their_last_bits(
     assert largest_difference(output_of(compiled(tmp_path, source.files))) < share * largest
 
 
-def _any_motion(spec: DamperSpec) -> _rust.LoadingHistory:
+def _any_motion(spec: mr.DamperSpec) -> mr._rust.LoadingHistory:
     displacement = 0.01 * np.sin(0.01 * np.arange(1000))
     return Loading(dt=1e-3, displacement=displacement, command=2.25, command_unit=spec.command_unit).history()
 

@@ -27,12 +27,8 @@ from scipy.io import savemat
 from verb_folders import written_record
 
 import mrwork as mr
-from mrwork.buildings import read_building
-from mrwork.errors import MrworkError, MrworkWarning
 from mrwork.identification.fit_file import reopen
-from mrwork.motions import read_motion, read_road
 from mrwork.motions.forces import read_forces
-from mrwork.records import read_damper_test, read_test_table
 
 TOKENS = st.sampled_from(
     [
@@ -114,10 +110,10 @@ def documents(draw: st.DrawFn, path: Path) -> bytes:
 def is_read(read: Callable[[], object]) -> bool:
     """Whether a file is read; it is refused by an error of ours, in printable lines."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", MrworkWarning)
+        warnings.simplefilter("ignore", mr.errors.MrworkWarning)
         try:
             repr(read())
-        except MrworkError as error:
+        except mr.MrworkError as error:
             refused = str(error)
         else:
             return True
@@ -150,21 +146,21 @@ FORCES = "time (s),roof (kN),deck\n" + "".join(f"{0.01 * n:.2f},{n % 7},{n % 5}\
 
 ROAD = "distance_m,height_mm\n" + "".join(f"{0.1 * row:.1f},{height:.3f}\n" for row, height in enumerate(GAL))
 FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
-    "rig.csv": (record(","), read_damper_test),
-    "10mm2Hz0x5A.dat": (record(";", ","), read_damper_test),
-    "rig.txt": ("# a comment\n" + record(" "), read_damper_test),
-    "rig.lvm": ("\n".join(rig_files.lvm("Multi").split("\n")[:90]), read_damper_test),
-    "tests.csv": (TABLE, read_test_table),
-    "a.AT2": ("\n".join(motion_files.at2_lines(GAL / 980.665, "NPTS=  60, DT= .01000 SEC")), read_motion),
-    "a.NS": ("\n".join(motion_files.knet_lines(np.round(100 * GAL).astype(int), "0.6")), read_motion),
-    "a.v2": ("\n".join(motion_files.cosmos_lines(GAL)), read_motion),
-    "b.v2": ("\n".join(motion_files.csmip_lines(GAL)), read_motion),
-    "a.ASC": ("\n".join(motion_files.esm_lines(GAL)), read_motion),
-    "a.smc": ("\n".join(motion_files.smc_lines(GAL)), read_motion),
-    "a.V2A": ("\n".join(motion_files.geonet_lines(GAL, "Corrected")), read_motion),
+    "rig.csv": (record(","), mr.read_damper_test),
+    "10mm2Hz0x5A.dat": (record(";", ","), mr.read_damper_test),
+    "rig.txt": ("# a comment\n" + record(" "), mr.read_damper_test),
+    "rig.lvm": ("\n".join(rig_files.lvm("Multi").split("\n")[:90]), mr.read_damper_test),
+    "tests.csv": (TABLE, mr.records.read_test_table),
+    "a.AT2": ("\n".join(motion_files.at2_lines(GAL / 980.665, "NPTS=  60, DT= .01000 SEC")), mr.read_motion),
+    "a.NS": ("\n".join(motion_files.knet_lines(np.round(100 * GAL).astype(int), "0.6")), mr.read_motion),
+    "a.v2": ("\n".join(motion_files.cosmos_lines(GAL)), mr.read_motion),
+    "b.v2": ("\n".join(motion_files.csmip_lines(GAL)), mr.read_motion),
+    "a.ASC": ("\n".join(motion_files.esm_lines(GAL)), mr.read_motion),
+    "a.smc": ("\n".join(motion_files.smc_lines(GAL)), mr.read_motion),
+    "a.V2A": ("\n".join(motion_files.geonet_lines(GAL, "Corrected")), mr.read_motion),
     "wind.csv": (FORCES, partial(read_forces, floors=("deck", "roof"), shares=None, unit="N", dt=None)),
-    "road.csv": (ROAD, lambda path: read_road(path, speed=20.0)),
-    "frame.toml": (BUILDING, read_building),
+    "road.csv": (ROAD, lambda path: mr.motions.read_road(path, speed=20.0)),
+    "frame.toml": (BUILDING, mr.buildings.read_building),
     "sample.toml": (files("mrwork.cli").joinpath("samples", "study.toml").read_text(), mr.read_study),
     "tuned.toml": (TUNED + tuning_samples.TUNE, mr.read_study),
 }
@@ -192,7 +188,7 @@ def test_a_damaged_file_of_matlab_is_read_or_refused(
     path = tmp_path_factory.getbasetemp() / "rig.mat"
     savemat(path, clean_columns(), do_compression=packed)
     path.write_bytes(data.draw(blobs(path)))
-    is_read(lambda: read_damper_test(path))
+    is_read(lambda: mr.read_damper_test(path))
 
 
 COMMANDS = {
@@ -213,7 +209,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for words in COMMANDS.values():
             assert mrwork(*words.split()).returncode == 0
     opened = reopen(place / "fit")
-    others = [read_damper_test(place / "14.csv"), read_damper_test(place / "20.csv")]
+    others = [mr.read_damper_test(place / "14.csv"), mr.read_damper_test(place / "20.csv")]
     add_every_file(place / "fit", opened.fit, opened.tests[0], others, steps=20)
     return place
 

@@ -9,19 +9,15 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork import identify
 from mrwork.base.remark import warnings_of
 from mrwork.base.values import Floats
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.minimise.polish import FinalFit, at_least_linear
 from mrwork.identification.problem import Problem
-from mrwork.identification.settings import FitSettings
 from mrwork.identification.suspicious import linear_misfit
-from mrwork.records import DamperTest, cut, read_damper_test
-from mrwork.records.reading import synthetic_test
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"
-TEST = synthetic_test("spencer1997")
+TEST = mr.synthetic_test("spencer1997")
 
 
 measured = pytest.mark.skipif(
@@ -33,8 +29,8 @@ measured = pytest.mark.skipif(
 @measured
 @pytest.mark.parametrize(("current", "at_least"), [("0x5", 92.2), ("0", 97.0), ("0x75", 92.0)])
 def test_records_where_the_search_once_stopped_in_a_false_minimum(current: str, at_least: float) -> None:
-    test = cut(read_damper_test(UTFSM / f"10mm1Hz{current}A.csv"), start=0.5, end=8.5, every=4)
-    fit = identify("normalised_modified_bouc_wen", test, rng=0)
+    test = mr.records.cut(mr.read_damper_test(UTFSM / f"10mm1Hz{current}A.csv"), start=0.5, end=8.5, every=4)
+    fit = mr.identify("normalised_modified_bouc_wen", test, rng=0)
     assert fit.fit_percent > at_least
     assert not warnings_of(fit.remarks)
 
@@ -42,11 +38,11 @@ def test_records_where_the_search_once_stopped_in_a_false_minimum(current: str, 
 @measured
 def test_a_minimum_on_which_most_of_a_round_agree_may_be_false() -> None:
     # Six of the eight minimisations of the first round end at 93.8 %, of which none has sigma on its bound.
-    test = cut(read_damper_test(UTFSM / "10mm1Hz1A.csv"), start=2.0, end=6.25, every=4)
-    assert identify("normalised_bouc_wen", test, rng=1, observe="none").fit_percent > 93.95
+    test = mr.records.cut(mr.read_damper_test(UTFSM / "10mm1Hz1A.csv"), start=2.0, end=6.25, every=4)
+    assert mr.identify("normalised_bouc_wen", test, rng=1, observe="none").fit_percent > 93.95
 
 
-def linear(test: DamperTest) -> DamperTest:
+def linear(test: mr.DamperTest) -> mr.DamperTest:
     return replace(test, force=2e3 * test.velocity + 9e3 * test.displacement + 40.0)
 
 
@@ -59,7 +55,7 @@ def test_a_linear_spring_and_dashpot_describes_its_own_force_and_not_a_hysteresi
 def test_a_fit_is_not_worse_than_the_linear_damper_within_its_model(model: str) -> None:
     # A loop so long that it is straight in the stroke takes the part of a spring, with a stiffness of the other sign.
     spec, test = mr.damper(model), linear(TEST)
-    problem = Problem.of(spec, (test,), FitSettings(), threads=1)
+    problem = Problem.of(spec, (test,), mr.identification.FitSettings(), threads=1)
 
     def ended_at(theta: Floats) -> FinalFit:
         covariance = Covariance.of(Slopes.at(problem.objective, problem.form, theta))
@@ -88,19 +84,19 @@ def test_tests_at_two_commands_share_the_linear_model_unless_the_model_follows_t
 
 def test_a_fit_no_better_than_a_linear_one_is_named() -> None:
     # Without a dashpot the model of Dahl cannot follow this force.
-    fit = identify("dahl", linear(TEST))
+    fit = mr.identify("dahl", linear(TEST))
     assert "damper_linear" in {each.code for each in fit.remarks}
-    assert not warnings_of(identify("viscous_dahl", TEST).remarks)
+    assert not warnings_of(mr.identify("viscous_dahl", TEST).remarks)
 
 
 def test_a_fit_no_better_than_a_linear_one_of_a_damper_that_is_not_linear_is_of_a_wrong_model() -> None:
     # The power of the velocity is in no Bingham model without friction.
     power = replace(TEST, force=3e3 * np.sign(TEST.velocity) * np.abs(TEST.velocity) ** 1.8)
-    fit = identify("bingham", power, bounds={"f_c": (1e-3, 2e-3)})
+    fit = mr.identify("bingham", power, bounds={"f_c": (1e-3, 2e-3)})
     assert [each.code for each in fit.remarks if each.severity == "warning"] == ["no_better_than_linear"]
 
 
 def test_the_minimum_of_one_search_alone_is_doubted() -> None:
-    fit = identify("bingham", TEST, search="genetic")
+    fit = mr.identify("bingham", TEST, search="genetic")
     assert fit.status == "lower_minimum_possible"
     assert fit.status_in_words.startswith("a lower minimum is possible (genetic was the only search")

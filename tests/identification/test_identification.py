@@ -14,9 +14,6 @@ from scipy.signal import lfilter
 from sentences import Refused
 
 import mrwork as mr
-from mrwork import identify
-from mrwork.dampers import Box, damper, damper_models
-from mrwork.errors import Interrupted
 from mrwork.identification import Fit, Objective, search_box
 from mrwork.identification.covariance import (
     autocorrelation_time,
@@ -29,24 +26,22 @@ from mrwork.identification.result import fit_quality, free_run
 from mrwork.identification.settings import resize_search, search_named, searches
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.damper_test import as_tests
-from mrwork.records.reading import synthetic_test
-from mrwork.search import EfficientGA, StopRules
 
-SEARCH = EfficientGA(stop=StopRules(max_generations=25))
+SEARCH = mr.search.EfficientGA(stop=mr.search.StopRules(max_generations=25))
 
 
 @pytest.fixture(scope="module")
 def record() -> DamperTest:
-    return synthetic_test("spencer1997")
+    return mr.synthetic_test("spencer1997")
 
 
 @pytest.fixture(scope="module")
 def fit(record: DamperTest) -> Fit:
-    return identify("normalised_bouc_wen", record, search=SEARCH, rng=3)
+    return mr.identify("normalised_bouc_wen", record, search=SEARCH, rng=3)
 
 
 def test_published_parameters_are_recovered_within_their_standard_errors(fit: Fit) -> None:
-    truth = damper("normalised_bouc_wen").nominal
+    truth = mr.damper("normalised_bouc_wen").nominal
     for estimate, true in zip(fit.estimates, truth, strict=True):
         assert estimate.standard_error is not None
         assert abs(estimate.value - true) < 5.0 * estimate.standard_error, estimate
@@ -59,7 +54,7 @@ def test_the_residual_of_a_true_model_is_the_sensor_noise(fit: Fit) -> None:
 
 
 def test_the_redundant_form_reaches_the_same_fit_and_names_what_it_held(record: DamperTest, fit: Fit) -> None:
-    spencer = identify("bouc_wen", record, search=SEARCH, rng=3)
+    spencer = mr.identify("bouc_wen", record, search=SEARCH, rng=3)
     assert spencer.fit_percent == pytest.approx(fit.fit_percent, abs=1e-6)
     held = {estimate.name for estimate in spencer.estimates if estimate.state == "fixed"}
     assert held == {"A"}
@@ -67,17 +62,17 @@ def test_the_redundant_form_reaches_the_same_fit_and_names_what_it_held(record: 
 
 
 def test_one_seed_repeats_and_threads_do_not_matter(record: DamperTest) -> None:
-    short = EfficientGA(stop=StopRules(max_generations=8, min_generations=1))
+    short = mr.search.EfficientGA(stop=mr.search.StopRules(max_generations=8, min_generations=1))
     record = cut(record, every=4)
-    runs = [identify("static_hysteretic", record, search=short, rng=5, threads=n) for n in (1, 2, 1)]
+    runs = [mr.identify("static_hysteretic", record, search=short, rng=5, threads=n) for n in (1, 2, 1)]
     assert len({(run.theta, run.trace.best) for run in runs}) == 1
-    other = identify("static_hysteretic", record, search=short, rng=6)
+    other = mr.identify("static_hysteretic", record, search=short, rng=6)
     assert other.trace.best != runs[0].trace.best
 
 
 def test_a_fixed_parameter_stays_and_a_bound_is_kept(record: DamperTest) -> None:
     bounds = {"n": (2.0, 2.0), "rho": (100.0, 9000.0)}
-    bound = identify("normalised_bouc_wen", record, search=SEARCH, bounds=bounds, rng=1)
+    bound = mr.identify("normalised_bouc_wen", record, search=SEARCH, bounds=bounds, rng=1)
     by_name = {estimate.name: estimate for estimate in bound.estimates}
     assert by_name["n"].value == 2.0
     assert by_name["n"].state == "fixed"
@@ -86,12 +81,12 @@ def test_a_fixed_parameter_stays_and_a_bound_is_kept(record: DamperTest) -> None
 
 
 def test_bounds_of_a_redundant_parameter_are_refused(refused: Refused) -> None:
-    refused(identifiable_form, damper("bouc_wen"), {"alpha": (1.0, 2.0)})
+    refused(identifiable_form, mr.damper("bouc_wen"), {"alpha": (1.0, 2.0)})
 
 
 def test_impossible_bounds_are_named(record: DamperTest, refused: Refused) -> None:
     for bounds in ({"rho": (2.0, 1.0)}, {"rhoo": (1.0, 2.0)}, {"n": (0.5, 2.0)}, {"n": (1.0, float("inf"))}):
-        refused(identify, "normalised_bouc_wen", record, bounds=bounds)
+        refused(mr.identify, "normalised_bouc_wen", record, bounds=bounds)
 
 
 def test_every_simulation_is_counted(fit: Fit) -> None:
@@ -100,13 +95,13 @@ def test_every_simulation_is_counted(fit: Fit) -> None:
 
 
 def test_nothing_to_identify_is_an_error(record: DamperTest, refused: Refused) -> None:
-    spec = damper("static_hysteretic")
+    spec = mr.damper("static_hysteretic")
     bounds = {name: (value, value) for name, value in zip(spec.names, spec.nominal, strict=True)}
-    refused(identify, spec, record, bounds=bounds)
+    refused(mr.identify, spec, record, bounds=bounds)
 
 
 def test_no_tests_is_an_error(refused: Refused) -> None:
-    refused(identify, "bouc_wen", [])
+    refused(mr.identify, "bouc_wen", [])
 
 
 def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> None:
@@ -117,8 +112,8 @@ def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> Non
         if len(seen) == 3:
             signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(Interrupted) as stop:
-        identify("normalised_bouc_wen", record, rng=1, on_progress=interrupt_in_the_third_generation)
+    with pytest.raises(mr.errors.Interrupted) as stop:
+        mr.identify("normalised_bouc_wen", record, rng=1, on_progress=interrupt_in_the_third_generation)
     best = stop.value.result
     assert best.status == "interrupted"
     # The search was at a simpler model, whose fit this one approaches.
@@ -134,8 +129,8 @@ def test_an_interrupt_before_any_candidate_has_no_result(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Objective, "__call__", interrupt)
-    with pytest.raises(Interrupted) as stop:
-        identify("dahl", record, search=search)
+    with pytest.raises(mr.errors.Interrupted) as stop:
+        mr.identify("dahl", record, search=search)
     assert stop.value.result is None
     assert not stop.value.stopped
 
@@ -151,29 +146,29 @@ def test_quality_of_a_perfect_model_is_perfect_and_of_the_mean_is_zero(record: D
 def test_more_substeps_change_nothing_that_can_be_seen(record: DamperTest, fit: Fit) -> None:
     theta = np.array(fit.theta)
     for name in ("spencer1997", "spencer1997_slow", "spencer1997_fast"):
-        test = synthetic_test(name)
+        test = mr.synthetic_test(name)
         coarse, fine = (
-            free_run(damper(fit.model), theta, test, substep_factor=factor)[1] for factor in (1, 4)
+            free_run(mr.damper(fit.model), theta, test, substep_factor=factor)[1] for factor in (1, 4)
         )
         assert fine.substeps == 4 * coarse.substeps
         assert fine.fit_percent == pytest.approx(coarse.fit_percent, abs=0.01)
 
 
 def test_a_test_too_stiff_to_resolve_is_named(record: DamperTest) -> None:
-    theta = damper("normalised_bouc_wen").nominal
+    theta = mr.damper("normalised_bouc_wen").nominal
     theta[4] = 1e7
     refusal(
         free_run,
-        damper("normalised_bouc_wen"),
+        mr.damper("normalised_bouc_wen"),
         theta,
         replace(record, dt=0.1),
         match="too stiff for the sampling step",
     )
 
 
-@pytest.mark.parametrize("spec", damper_models(), ids=lambda spec: spec.name)
+@pytest.mark.parametrize("spec", mr.damper_models(), ids=lambda spec: spec.name)
 def test_the_search_box_lies_inside_the_bounds_and_scales_with_the_record(spec, record: DamperTest) -> None:
-    bounds = Box.of(spec)
+    bounds = mr.Box.of(spec)
     box = search_box(spec, bounds, (record,))
     assert all(np.array(box.lower) >= np.array(bounds.lower))
     assert all(np.array(box.upper) <= np.array(bounds.upper))
@@ -190,13 +185,13 @@ def test_a_unit_that_no_model_has_is_searched_about_its_size(record: DamperTest)
 
     cubed = mr.own_damper("cubed", parameters={"c3": ("N s3/m3", 1e-9, 1.0, 1e9)}, force=force)
     size = np.ptp(record.force) / 2 / (np.ptp(record.velocity) / 2) ** 3
-    box = search_box(cubed, Box.of(cubed), (record,))
+    box = search_box(cubed, mr.Box.of(cubed), (record,))
     assert 0.0 < box.lower[0] < size < box.upper[0] < 1e7 * box.lower[0]
 
 
 def test_rows_weigh_the_tests_in_their_own_way(record: DamperTest) -> None:
-    tests = (record, synthetic_test("rd1005_1a"), replace(record, force=0.9 * record.force))
-    objective = Objective.of(damper("normalised_bouc_wen"), tests, threads=1)
+    tests = (record, mr.synthetic_test("rd1005_1a"), replace(record, force=0.9 * record.force))
+    objective = Objective.of(mr.damper("normalised_bouc_wen"), tests, threads=1)
     theta = np.tile(objective.spec.nominal, (4, 1))
     shares = np.array([[1 / 3, 1 / 3, 1 / 3], [1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]])
     squared = objective.squared_nrmse(theta)
@@ -233,7 +228,7 @@ def test_a_search_is_chosen_by_name_and_recorded(name: str) -> None:
     search = search_named(name)
     if name != "race":
         search = resize_search(search, generations=25)
-    fit = mr.identify("dahl", cut(synthetic_test("rd1005_1a"), every=4), search=search)
+    fit = mr.identify("dahl", cut(mr.synthetic_test("rd1005_1a"), every=4), search=search)
     assert fit.fit_percent > 75.0
     assert fit.provenance.settings["search"]["name"] == name
     assert fit.settings.search == search
@@ -299,9 +294,9 @@ def test_the_unit_of_the_residuals_does_not_matter() -> None:
 
 
 def test_tests_are_counted_one_by_one() -> None:
-    tests = tuple(synthetic_test(name) for name in ("spencer1997", "spencer1997_fast"))
-    objective = Objective.of(damper("bouc_wen"), tests)
-    residuals = objective.residuals(damper("bouc_wen").nominal[None])[0]
+    tests = tuple(mr.synthetic_test(name) for name in ("spencer1997", "spencer1997_fast"))
+    objective = Objective.of(mr.damper("bouc_wen"), tests)
+    residuals = objective.residuals(mr.damper("bouc_wen").nominal[None])[0]
     first, second = residuals_by_test(residuals, tests)
     assert [first.size, second.size] == [test.n_time - test.n_settle for test in tests]
     np.testing.assert_array_equal(np.concatenate([first, second]), residuals)

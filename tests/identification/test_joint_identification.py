@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from refusals import refusal
-from sinusoidal_tests import driven_test, sinusoidal_test
+from sinusoidal_tests import driven_test, harmonic, sinusoidal_test
 
 import mrwork as mr
-from mrwork import identify
-from mrwork.dampers import damper
 from mrwork.dampers.spec import law_limits
-from mrwork.errors import Interrupted
 from mrwork.identification import Fit, FitSettings, Objective, Race
 from mrwork.identification.commands import with_laws_at
 from mrwork.identification.equivalent import leaves_range, within_range
@@ -25,15 +22,13 @@ from mrwork.identification.result import free_run
 from mrwork.identification.suspicious import far_worse, worse_together
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.observation import EFFECTS
-from mrwork.records.reading import synthetic_test
-from mrwork.search import EfficientGA, StopRules
 
-PRESET = damper("static_hysteretic").preset("kwok2006")
+PRESET = mr.damper("static_hysteretic").preset("kwok2006")
 TRUTH = np.array(PRESET.theta)
 CURRENTS = (0.0, 0.5, 1.0, 1.5)
 NOISE_N = 5.0
 EACH = tuple(EFFECTS[name] for name in ("offset", "gain", "delay"))
-SEARCH = EfficientGA(stop=StopRules(max_generations=25))
+SEARCH = mr.search.EfficientGA(stop=mr.search.StopRules(max_generations=25))
 TRUE_LAWS = {"c": "linear", "k": "linear", "alpha": "quadratic", "delta": "linear", "f0": "linear"}
 # The hysteresis changes side within one sample, so no test tells over which displacement.
 FIXED = {"x_s": (1e-4, 1e-4)}
@@ -53,7 +48,7 @@ def tests() -> tuple[DamperTest, ...]:
 
 @pytest.fixture(scope="module")
 def fit(tests: tuple[DamperTest, ...]):
-    return identify(PRESET.spec, tests, search=SEARCH, bounds=FIXED, rng=2)
+    return mr.identify(PRESET.spec, tests, search=SEARCH, bounds=FIXED, rng=2)
 
 
 def test_the_laws_are_recovered_within_their_standard_errors(fit) -> None:
@@ -78,8 +73,8 @@ def test_a_smoothed_record_misleads_a_model_that_is_not_told(tests: tuple[Damper
     observation = Observation(average_seconds=0.1)
     smoothed = [replace(test, force=observation.observe(test.force, test.dt), n_settle=125) for test in tests]
     told = [replace(test, observation=observation) for test in smoothed]
-    aware = identify(PRESET.spec, told, search=SEARCH, bounds=FIXED, rng=2)
-    naive = identify(PRESET.spec, smoothed, search=SEARCH, bounds=FIXED, rng=2)
+    aware = mr.identify(PRESET.spec, told, search=SEARCH, bounds=FIXED, rng=2)
+    naive = mr.identify(PRESET.spec, smoothed, search=SEARCH, bounds=FIXED, rng=2)
     beta = [estimate.name for estimate in fit.estimates].index("beta")
     assert abs(aware.theta[beta] / TRUTH[beta] - 1.0) < 0.1 < abs(naive.theta[beta] / TRUTH[beta] - 1.0)
     assert aware.fit_percent > naive.fit_percent + 0.5
@@ -106,12 +101,12 @@ def test_effects_of_each_test_are_told_from_the_damper(tests: tuple[DamperTest, 
 
 def test_an_offset_of_each_test_leaves_none_to_the_model(tests: tuple[DamperTest, ...]) -> None:
     shifted = [replace(test, force=test.force + 130.0) for test in tests]
-    shifted_fit = identify(PRESET.spec, shifted, search=SEARCH, bounds=FIXED, observe="offset=each", rng=2)
+    shifted_fit = mr.identify(PRESET.spec, shifted, search=SEARCH, bounds=FIXED, observe="offset=each", rng=2)
     values = dict(zip(shifted_fit.spec.names, shifted_fit.theta, strict=True))
     assert (values["f0.0"], values["f0.1"]) == (0.0, 0.0)
     assert values["alpha.1"] == pytest.approx(918.0, rel=0.01)
-    plain = damper("static_hysteretic")
-    held = identify(plain, shifted[2], search=SEARCH, bounds=FIXED, observe="offset=each", rng=2)
+    plain = mr.damper("static_hysteretic")
+    held = mr.identify(plain, shifted[2], search=SEARCH, bounds=FIXED, observe="offset=each", rng=2)
     by_name = {estimate.name: estimate for estimate in held.estimates}
     assert (by_name["f0"].value, by_name["f0"].state) == (0.0, "fixed")
     assert held.quality[0].estimated.offset == pytest.approx(130.0 + 57.0 - 18.0, abs=2.0)
@@ -148,7 +143,7 @@ def test_the_root_mean_square_over_tests_is_what_is_minimised(tests: tuple[Dampe
 
 def test_a_test_without_the_models_command_is_refused(tests: tuple[DamperTest, ...]) -> None:
     in_volts = [replace(test, current=None, voltage=test.current) for test in tests]
-    refusal(identify, PRESET.spec, in_volts, search=SEARCH, match="command in A, the test has 0 V")
+    refusal(mr.identify, PRESET.spec, in_volts, search=SEARCH, match="command in A, the test has 0 V")
 
 
 def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest, ...]) -> None:
@@ -156,8 +151,8 @@ def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest
         if progress.stage == "search" and progress.numbers["evaluations"] > 500:
             raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted) as caught:
-        identify(PRESET.spec, tests, search=SEARCH, bounds=FIXED, rng=2, on_progress=interrupt)
+    with pytest.raises(mr.errors.Interrupted) as caught:
+        mr.identify(PRESET.spec, tests, search=SEARCH, bounds=FIXED, rng=2, on_progress=interrupt)
     kept = caught.value.result
     assert kept.status == "interrupted"
     assert kept.spec == PRESET.spec
@@ -167,7 +162,7 @@ def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest
 
 
 def test_an_excerpt_keeps_three_cycles_and_their_shape() -> None:
-    test = synthetic_test("spencer1997_fast")
+    test = mr.synthetic_test("spencer1997_fast")
     short = excerpt(test)
     period = 1.0 / 5.0
     assert short.dt * short.n_time == pytest.approx(3.0 * period + short.n_settle * short.dt, rel=0.1)
@@ -183,7 +178,7 @@ def test_a_test_is_far_worse_above_five_times_its_own_misfit_which_noise_limits(
 
 
 def test_a_false_minimum_is_suspected_where_the_best_was_not_found_again() -> None:
-    tests = [synthetic_test("rd1005_1a")] * 5
+    tests = [mr.synthetic_test("rd1005_1a")] * 5
     joint, alone = np.full(5, 0.3), np.full(5, 0.04)
     worse = far_worse(joint, alone)
     told, limited = (worse_together(tests, worse, joint, alone, suspected=each) for each in (True, False))
@@ -217,14 +212,10 @@ def test_a_coarse_test_that_the_search_leaves_out_is_simulated_by_the_fit(
 
 def sine_test(amplitude: float, frequency: float) -> DamperTest:
     """A test of a sinusoidal motion [m, Hz]; its force does not matter."""
-    test = synthetic_test("spencer1997")
-    phase = 2.0 * np.pi * frequency * test.dt * np.arange(test.n_time)
-    return replace(
-        test,
-        name=f"{amplitude:g}m {frequency:g}Hz",
-        displacement=amplitude * np.sin(phase),
-        velocity=2.0 * np.pi * frequency * amplitude * np.cos(phase),
-    )
+    test = mr.synthetic_test("spencer1997")
+    loading = harmonic(test.dt * np.arange(test.n_time), (amplitude, frequency))
+    moved = {"displacement": loading.displacement, "velocity": loading.velocity}
+    return replace(test, name=f"{amplitude:g}m {frequency:g}Hz", **moved)
 
 
 def test_the_extremes_of_stroke_and_velocity_are_taken_in_the_order_of_the_tests() -> None:
@@ -257,7 +248,7 @@ def fit_of(yield_forces: tuple[float, ...]) -> Fit:
         )
         for seed, (force, command) in enumerate(zip(yield_forces, FIVE_COMMANDS, strict=True))
     ]
-    spec = damper("dahl").with_current_laws({"k_w": "quadratic"})
+    spec = mr.damper("dahl").with_current_laws({"k_w": "quadratic"})
     return mr.identify(spec, tests, bounds={"f0": (0.0, 0.0)}, search=SHORT, threads=1)
 
 
@@ -279,7 +270,7 @@ def test_where_the_least_misfit_has_a_limited_law_the_fit_says_so() -> None:
 
 @pytest.mark.parametrize("law", ["quadratic:0,0.5,1", "quadratic", "exponential"])
 def test_laws_are_moved_into_their_ranges_and_others_stay(law: str) -> None:
-    spec = damper("viscous_dahl").with_current_laws({"k_w": law, "k_x": "linear:0,1"})
+    spec = mr.damper("viscous_dahl").with_current_laws({"k_w": law, "k_x": "linear:0,1"})
     limited = {"quadratic:0,0.5,1": (40.0, 5.0, 900.0), "quadratic": (40.0, -1000.0, 1860.0)}
     coefficients = limited.get(law, (-50.0, 10.0, 2.0))
     theta = np.array([700.0, 300.0, *coefficients, 2000.0, 20.0])
@@ -296,6 +287,6 @@ def test_a_typed_polynomial_is_one_of_the_parameter_at_tested_commands(tests: tu
     laws = {name: str(law) for name, law in spec.laws_by_name.items() if not law.is_constant}
     assert laws == {"c": "linear:0,1.5", "alpha": "quadratic:0,0.5,1.5", "beta": "log_linear:0,1.5"}
     # What the tests were made with: no other form of these laws is better.
-    fit = identify(with_laws_at(model, TRUE_LAWS, tests), tests, bounds=FIXED, rng=2)
+    fit = mr.identify(with_laws_at(model, TRUE_LAWS, tests), tests, bounds=FIXED, rng=2)
     assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.05)
     assert "other_laws_better" not in {each.code for each in fit.remarks}

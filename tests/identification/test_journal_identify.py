@@ -13,11 +13,7 @@ import pytest
 from command_line import printed
 from refusals import command_refusal
 
-from mrwork import Journal, Progress, identify
-from mrwork.identification import Fit
-from mrwork.records import DamperTest, cut
-from mrwork.records.reading import synthetic_test
-from mrwork.search import EfficientGA, StopRules
+import mrwork as mr
 
 SHORT = ["--population", "16", "--generations", "12"]
 COMMAND = ["identify", "synthetic:spencer1997", "--every", "16", "--seed", "3", *SHORT]
@@ -73,26 +69,26 @@ def test_a_resumption_of_nothing_and_one_over_a_finished_run_change_nothing(
 
 
 @pytest.fixture(scope="module")
-def record() -> DamperTest:
-    return cut(synthetic_test("spencer1997"), every=4)
+def record() -> mr.DamperTest:
+    return mr.records.cut(mr.synthetic_test("spencer1997"), every=4)
 
 
-SEARCH = EfficientGA(population=16, stop=StopRules(max_generations=12))
+SEARCH = mr.search.EfficientGA(population=16, stop=mr.search.StopRules(max_generations=12))
 
 
 @pytest.fixture(scope="module")
-def static(record: DamperTest) -> Fit:
-    return identify("static_hysteretic", record, search=SEARCH, rng=2)
+def static(record: mr.DamperTest) -> mr.Fit:
+    return mr.identify("static_hysteretic", record, search=SEARCH, rng=2)
 
 
 @pytest.mark.parametrize(("stage", "least"), [("search", 3), ("screening", 3), ("refinement", 1)])
 def test_a_callback_may_stop_the_run_and_it_goes_on(
-    record: DamperTest, static: Fit, tmp_path: Path, stage: str, least: int
+    record: mr.DamperTest, static: mr.Fit, tmp_path: Path, stage: str, least: int
 ) -> None:
     path = tmp_path / "journal.jsonl"
-    seen: list[Progress] = []
+    seen: list[mr.Progress] = []
 
-    def enough(progress: Progress) -> bool:
+    def enough(progress: mr.Progress) -> bool:
         seen.append(progress)
         return (
             progress.stage == stage
@@ -100,25 +96,25 @@ def test_a_callback_may_stop_the_run_and_it_goes_on(
         )
 
     settings = {"search": SEARCH, "rng": 2}
-    with closing(Journal(path)) as journal:
-        stopped = identify("static_hysteretic", record, **settings, on_progress=enough, journal=journal)
+    with closing(mr.Journal(path)) as journal:
+        stopped = mr.identify("static_hysteretic", record, **settings, on_progress=enough, journal=journal)
     assert stopped.status == "stopped"
     assert stopped.stop_reason == ("callback" if stage == "search" else "max_generations")
     assert all(estimate.standard_error is None for estimate in stopped.estimates)
     assert seen[-1].stage == stage
-    with closing(Journal(path, resume=True)) as journal:
-        resumed = identify("static_hysteretic", record, **settings, journal=journal)
+    with closing(mr.Journal(path, resume=True)) as journal:
+        resumed = mr.identify("static_hysteretic", record, **settings, journal=journal)
     for name in ("theta", "evaluations", "status", "trace"):
         assert getattr(resumed, name) == getattr(static, name)
 
 
-def test_a_fit_by_optimistix_is_recalled(record: DamperTest, tmp_path: Path) -> None:
+def test_a_fit_by_optimistix_is_recalled(record: mr.DamperTest, tmp_path: Path) -> None:
     stages: list[str] = []
     settings = {"search": SEARCH, "engine": "optimistix", "rng": 2}
 
-    def identified(*, resume: bool) -> Fit:
-        with closing(Journal(tmp_path / "journal.jsonl", resume=resume)) as journal:
-            return identify(
+    def identified(*, resume: bool) -> mr.Fit:
+        with closing(mr.Journal(tmp_path / "journal.jsonl", resume=resume)) as journal:
+            return mr.identify(
                 *("static_hysteretic", record),
                 **settings,
                 on_progress=lambda progress: stages.append(progress.stage),

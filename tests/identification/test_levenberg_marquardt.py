@@ -13,40 +13,34 @@ import own_dampers
 import pytest
 from command_line import ran
 
-from mrwork import identify
-from mrwork.dampers import DamperSpec, damper
-from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.identification import Objective
+import mrwork as mr
 from mrwork.identification.covariance import Covariance, Slopes, state_of
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.problem import Problem
-from mrwork.identification.settings import FitSettings
-from mrwork.records import DamperTest, Observation
-from mrwork.records.reading import synthetic_test
 
-LAWS = damper("static_hysteretic").with_current_laws({"alpha": "linear"}, unit="A")
+LAWS = mr.damper("static_hysteretic").with_current_laws({"alpha": "linear"}, unit="A")
 # Of the static model the switch of side is sharper than the data can tell.
 SHARP = {"x_s": (1e-4, 1e-4)}
 
 
 def record(
-    spec: DamperSpec, theta: np.ndarray, *, current: float | None = None, n_time: int = 900
-) -> DamperTest:
+    spec: mr.DamperSpec, theta: np.ndarray, *, current: float | None = None, n_time: int = 900
+) -> mr.DamperTest:
     """A test in two tones, with noise of 2 % in the force."""
     dt = 2e-3
     phase = 4.0 * np.pi * dt * np.arange(n_time)
     displacement = 0.01 * np.sin(phase) + 0.003 * np.sin(2.7 * phase)
     velocity = 4.0 * np.pi * (0.01 * np.cos(phase) + 0.0081 * np.cos(2.7 * phase))
-    force = simulate_force(
+    force = mr.simulate_force(
         spec,
         theta,
-        Loading(dt=dt, displacement=displacement, velocity=velocity, command=current, command_unit="A"),
+        mr.Loading(dt=dt, displacement=displacement, velocity=velocity, command=current, command_unit="A"),
     )
     noise = 0.02 * force.std() * np.random.default_rng(3).standard_normal(n_time)
     return replace(
-        synthetic_test("spencer1997"),
+        mr.synthetic_test("spencer1997"),
         name=f"at {current} A",
         dt=dt,
         displacement=displacement,
@@ -66,18 +60,18 @@ def near(form: Form, theta: np.ndarray) -> np.ndarray:
 
 def joint_theta() -> np.ndarray:
     """The nominal set, and half as much again of the hysteretic force per ampere."""
-    values = dict(zip(damper(LAWS.name).names, damper(LAWS.name).nominal, strict=True))
+    values = dict(zip(mr.damper(LAWS.name).names, mr.damper(LAWS.name).nominal, strict=True))
     values |= {"alpha.0": values["alpha"], "alpha.1": 0.5 * values["alpha"]}
     return np.array([values[name] for name in LAWS.names])
 
 
-def joint_tests() -> tuple[DamperTest, ...]:
+def joint_tests() -> tuple[mr.DamperTest, ...]:
     """Two currents, one of the two tests shorter."""
     theta = joint_theta()
     return record(LAWS, theta, current=0.2), record(LAWS, theta, current=0.9, n_time=700)
 
 
-def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> None:
+def assert_one_minimum(objective: mr.identification.Objective, form: Form, start: np.ndarray) -> None:
     """All engines end at one misfit, and at parameters that differ by a small share of their standard errors."""
     lanes = find_minima(objective, form.box, start[None], max_iterations=100).best
     other = find_minimum_by_optimistix(objective, form.box, start)
@@ -94,23 +88,23 @@ def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> N
 
 
 @pytest.mark.parametrize(
-    "spec", [*map(damper, ["bouc_wen", "static_hysteretic"]), own_dampers.guo], ids=lambda spec: spec.name
+    "spec", [*map(mr.damper, ["bouc_wen", "static_hysteretic"]), own_dampers.guo], ids=lambda spec: spec.name
 )
-def test_all_engines_end_in_one_minimum(spec: DamperSpec) -> None:
+def test_all_engines_end_in_one_minimum(spec: mr.DamperSpec) -> None:
     form = identifiable_form(spec, SHARP if spec.name == "static_hysteretic" else {})
-    objective = Objective.of(form.spec, (record(spec, spec.nominal),))
+    objective = mr.identification.Objective.of(form.spec, (record(spec, spec.nominal),))
     assert_one_minimum(objective, form, near(form, spec.nominal))
 
 
 def test_a_joint_fit_with_a_law_ends_in_one_minimum() -> None:
     form = identifiable_form(LAWS, SHARP)
-    assert_one_minimum(Objective.of(LAWS, joint_tests()), form, near(form, joint_theta()))
+    assert_one_minimum(mr.identification.Objective.of(LAWS, joint_tests()), form, near(form, joint_theta()))
 
 
 def test_a_row_keeps_a_held_parameter_and_ends_where_a_fit_with_it_fixed_does() -> None:
-    spec = damper("static_hysteretic")
+    spec = mr.damper("static_hysteretic")
     form = identifiable_form(spec, SHARP)
-    objective = Objective.of(spec, (record(spec, spec.nominal),))
+    objective = mr.identification.Objective.of(spec, (record(spec, spec.nominal),))
     start = near(form, spec.nominal)
     index = form.box.free_names.index("alpha")
     held = np.zeros((2, len(form.box.free)), dtype=np.bool_)
@@ -126,10 +120,10 @@ def test_a_row_keeps_a_held_parameter_and_ends_where_a_fit_with_it_fixed_does() 
 
 
 def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
-    spec = damper("dahl")
+    spec = mr.damper("dahl")
     index = spec.names.index("rho")
     form = identifiable_form(spec, {"rho": (10.0, 0.5 * spec.nominal[index])})
-    objective = Objective.of(spec, (record(spec, spec.nominal),))
+    objective = mr.identification.Objective.of(spec, (record(spec, spec.nominal),))
     start = near(form, spec.nominal)
     lanes = find_minima(objective, form.box, start[None], max_iterations=100).best
     other = find_minimum_by_optimistix(objective, form.box, start)
@@ -141,19 +135,19 @@ def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
 
 
 def test_observation_ties_and_exponent_are_those_of_every_engine() -> None:
-    spec, observation = damper("static_hysteretic"), Observation(average_seconds=0.03)
+    spec, observation = mr.damper("static_hysteretic"), mr.records.Observation(average_seconds=0.03)
     first, second = record(spec, spec.nominal), record(spec, 1.1 * spec.nominal, n_time=700)
     averaged = replace(first, force=observation.observe(first.force, first.dt), observation=observation)
     ratio = spec.nominal[spec.names.index("k")] / spec.nominal[spec.names.index("c")]
-    settings = FitSettings(ties={"k": f"{ratio}*c"}, bounds=SHARP, force_exponent=0.5)
+    settings = mr.identification.FitSettings(ties={"k": f"{ratio}*c"}, bounds=SHARP, force_exponent=0.5)
     problem = Problem.of(spec, (averaged, second), settings)
     assert_one_minimum(problem.objective, problem.form, near(problem.form, spec.nominal))
 
 
 def test_optimistix_can_be_asked_for_and_finds_the_same() -> None:
-    test = record(damper("static_hysteretic"), damper("static_hysteretic").nominal)
+    test = record(mr.damper("static_hysteretic"), mr.damper("static_hysteretic").nominal)
     lanes, other = (
-        identify("static_hysteretic", test, bounds=SHARP, engine=engine, rng=1)
+        mr.identify("static_hysteretic", test, bounds=SHARP, engine=engine, rng=1)
         for engine in ("lanes", "optimistix")
     )
     assert other.provenance.settings["engine"] == "optimistix"

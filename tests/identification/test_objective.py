@@ -7,22 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers import damper
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.errors import SettingError
+import mrwork as mr
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.objective import NormalEquations, linearise_residuals
 from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest, Observation, cut
-from mrwork.records.reading import synthetic_test
 
-SPEC = damper("normalised_bouc_wen")
+SPEC = mr.damper("normalised_bouc_wen")
 
 
 @pytest.fixture(scope="module")
 def test() -> DamperTest:
-    whole = synthetic_test("spencer1997")
+    whole = mr.synthetic_test("spencer1997")
     return cut(whole, end=whole.start_time + 1200 * whole.dt)
 
 
@@ -117,7 +113,7 @@ def test_normal_equations_at_constant_commands_are_the_products_of_the_jacobian(
         for number, current in enumerate((0.0, 0.7, 1.2, ramp))
     )
     objective = Objective.of(model, tests)
-    box = Box.of(model).with_bounds({"n": (2.0, 2.0), "rho@0A": (1e3, 1e3)})
+    box = mr.Box.of(model).with_bounds({"n": (2.0, 2.0), "rho@0A": (1e3, 1e3)})
     included = np.array([[True] * 4, [True, False, True, True], [True] * 4])
     equations = NormalEquations.at(objective, box, rows, included)
     for index, each in enumerate(tests):
@@ -155,8 +151,8 @@ def test_a_failed_row_has_residuals_of_one_and_no_slope(test: DamperTest) -> Non
 
 
 def test_simulated_force_has_zero_residuals(test: DamperTest) -> None:
-    loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
-    own = replace(test, force=simulate_force(SPEC, SPEC.nominal, loading))
+    loading = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    own = replace(test, force=mr.simulate_force(SPEC, SPEC.nominal, loading))
     residuals, _ = linearise_residuals(Objective.of(SPEC, (own,)), SPEC.nominal[None], [0])
     assert np.all(residuals == 0.0)
 
@@ -178,7 +174,7 @@ def test_jacobian_has_the_weights_of_a_force_exponent(test: DamperTest) -> None:
 
 
 def given_tests(count: int) -> tuple[DamperTest, ...]:
-    whole = synthetic_test("spencer1997")
+    whole = mr.synthetic_test("spencer1997")
     return tuple(
         replace(
             cut(whole, end=0.3 + 0.1 * number),
@@ -227,9 +223,9 @@ def test_results_are_in_the_order_of_the_tests_and_no_thread_is_idle(n_tests: in
 def test_the_error_of_the_first_test_that_fails_is_raised() -> None:
     def work(index: int, threads: int) -> int:
         if index in (1, 2):
-            raise SettingError(f"test {index}")
+            raise mr.errors.SettingError(f"test {index}")
         return threads
 
     for _ in range(20):
-        with pytest.raises(SettingError, match="test 1"):
+        with pytest.raises(mr.errors.SettingError, match="test 1"):
             on_every_test(6, 3, work)

@@ -10,9 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from mrwork.dampers import Box, damper
+import mrwork as mr
 from mrwork.identification import Objective, Race, search_box
-from mrwork.identification.candidates import CandidateObjective
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, find_minima
 from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, plain_routes
@@ -26,11 +25,9 @@ from mrwork.identification.minimise.race import (
 )
 from mrwork.identification.progress import Found
 from mrwork.identification.residual import ObservedTest
-from mrwork.records import cut
-from mrwork.records.reading import synthetic_test
 
-TEST = cut(synthetic_test("spencer1997_fast"), every=2)
-FORM = identifiable_form(damper("normalised_bouc_wen"), {})
+TEST = mr.records.cut(mr.synthetic_test("spencer1997_fast"), every=2)
+FORM = identifiable_form(mr.damper("normalised_bouc_wen"), {})
 SEARCHED = search_box(FORM.spec, FORM.box, (TEST,))
 
 
@@ -59,7 +56,7 @@ def test_a_minimisation_never_ends_above_its_start_and_agrees_with_another_metho
     assert np.all(minima.misfit <= objective()(starts))
     best = int(np.argmin(minima.misfit))
     assert minima.converged[best]
-    latent = CandidateObjective(objective=objective(), box=FORM.box, coordinates="latent")
+    latent = mr.identification.CandidateObjective(objective=objective(), box=FORM.box, coordinates="latent")
     there = least_squares(
         latent.residuals,
         np.asarray(FORM.box.latent_from_theta(minima.theta[best])),
@@ -181,9 +178,9 @@ def test_what_is_found_so_far_has_its_misfit_and_its_route() -> None:
 
 
 def test_forces_of_points_are_those_of_the_best_fit() -> None:
-    spec = damper("viscous_dahl")
+    spec = mr.damper("viscous_dahl")
     compared = Objective.of(spec, (TEST,))
-    box = Box.of(spec)
+    box = mr.Box.of(spec)
     theta = np.array([[2e3, 500.0, 900.0, 10.0], [20.0, 5.0, 900.0, 0.1]])
     moved, misfit = with_best_forces(compared, box, theta)
     # The two differ by a factor on all forces only, and the force is linear in these.
@@ -197,7 +194,7 @@ def test_forces_of_points_are_those_of_the_best_fit() -> None:
 
 def test_a_force_that_would_be_negative_leaves_the_others_at_the_best_fit_beside_it() -> None:
     # Friction less a dashpot, which no positive damping describes.
-    spec, box = damper("viscous_dahl"), Box.of(damper("viscous_dahl"))
+    spec, box = mr.damper("viscous_dahl"), mr.Box.of(mr.damper("viscous_dahl"))
     velocity = TEST.velocity / np.abs(TEST.velocity).max()
     test = replace(TEST, force=800.0 * np.tanh(velocity / 0.05) - 500.0 * velocity)
     compared = Objective.of(spec, (test,))
@@ -211,7 +208,7 @@ def test_a_force_that_would_be_negative_leaves_the_others_at_the_best_fit_beside
 
 
 def test_minima_that_are_close_count_once() -> None:
-    box = Box.of(FORM.spec)
+    box = mr.Box.of(FORM.spec)
     theta = np.asarray(box.theta_from_unit(np.full((3, len(box.free)), 0.5)))
     theta[1] = np.asarray(box.theta_from_unit(np.full(len(box.free), 0.51)))
     theta[2] = np.asarray(box.theta_from_unit(np.full(len(box.free), 0.6)))
@@ -223,7 +220,7 @@ def test_an_insensitive_parameter_does_not_move() -> None:
     # Without k the displacement at which it is free changes no force; alone it leaves a system of zeros.
     nominal = dict(zip(FORM.spec.names, FORM.spec.nominal, strict=True)) | {"k": 0.0}
     fixed = {name: (value, value) for name, value in nominal.items() if name != "x0"}
-    form = identifiable_form(damper("normalised_bouc_wen"), fixed)
+    form = identifiable_form(mr.damper("normalised_bouc_wen"), fixed)
     start = np.array([list(nominal.values())])
     minima = find_minima(objective(), form.box, start, max_iterations=9)
     np.testing.assert_allclose(minima.theta, start, rtol=1e-9)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from command_line import printed
 from refusals import refusal
+from verb_folders import written_record
 
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.records.reading import Reading
@@ -33,12 +34,9 @@ SEARCH = ["--model", "bingham", "--search", "genetic", "--generations", "2", "--
 
 
 def record(folder: Path) -> Path:
-    time = np.arange(0.0, 2.0, 0.005)
-    x, v = 10.0 * np.sin(2.0 * np.pi * time), 20.0 * np.pi * np.cos(2.0 * np.pi * time)
-    force = 0.4 * np.tanh(v / 10.0) + 0.005 * v
-    rows = "\n".join(f"{t:.6f},{a:.9f},{b:.9f}" for t, a, b in zip(time, x, force, strict=True))
-    path = folder / "10mm1Hz0x5A.csv"
-    path.write_text(f"t_s,displacement_mm,F\n{rows}\n")
+    """A record whose heading does not say what its force is in."""
+    path = written_record(folder / "10mm1Hz0x5A.csv", rate=200.0)
+    path.write_text(path.read_text().replace("force_kN", "F"))
     return path
 
 

@@ -73,7 +73,3 @@ def test_a_search_keeps_its_name_where_its_size_is_another(name: str) -> None:
 
 def test_a_search_of_another_name_is_refused() -> None:
     refusal(mr.identify, SPEC, TEST, search=EfficientGA(name="mine", population=8), match="'mine'")
-
-
-def test_settings_take_the_name_of_a_search() -> None:
-    assert FitSettings(search="genetic") == FitSettings(search=search_named("genetic"))

@@ -8,10 +8,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from loop_samples import under_a_sine
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
-from mrwork.dampers import damper
-from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
+from mrwork.dampers.simulation import simulate_force, stiffness_shares
 from mrwork.identification import Objective
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import fit_content
@@ -20,10 +21,9 @@ from mrwork.identification.minimise.stiffness import nearest_below_stiffness
 from mrwork.identification.objective import friction_limit, up_to
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
-from mrwork.records.reading import synthetic_test
 from mrwork.store.codec import built
 
-MODEL = damper("normalised_modified_bouc_wen")
+MODEL = mr.damper("normalised_modified_bouc_wen")
 TRUE = {
     "c0": 900.0,
     "k0": 300.0,
@@ -46,18 +46,14 @@ def parameters(**others: float) -> np.ndarray:
 def slow_test() -> DamperTest:
     """A test at 0.1 Hz and a step of 0.04 s, which resolves loops to a seventh of the sharpness of this one."""
     dt = 0.0025
-    time = dt * np.arange(8_000)
-    displacement = 0.025 * np.sin(0.2 * np.pi * time)
-    velocity = 0.005 * np.pi * np.cos(0.2 * np.pi * time)
-    force = simulate_force(
-        MODEL, parameters(), Loading(dt=dt, displacement=displacement, velocity=velocity), substep_factor=64
-    )
+    loading = harmonic(dt * np.arange(8_000), (0.025, 0.1))
+    force = simulate_force(MODEL, parameters(), loading, substep_factor=64)
     return replace(
-        synthetic_test("spencer1997"),
+        mr.synthetic_test("spencer1997"),
         name="slow",
         dt=COARSE * dt,
-        displacement=displacement[::COARSE],
-        velocity=velocity[::COARSE],
+        displacement=loading.displacement[::COARSE],
+        velocity=loading.velocity[::COARSE],
         force=force[::COARSE],
         n_settle=100,
     )
@@ -92,21 +88,20 @@ def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay()
 def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 2e-3) -> DamperTest:
     """Two seconds at 2 Hz and 20 mm, simulated at steps of an eighth of `dt`."""
     time = dt / 8 * np.arange(round(16.0 / dt) + 1)
-    displacement, velocity = 0.02 * np.sin(4.0 * np.pi * time), 0.08 * np.pi * np.cos(4.0 * np.pi * time)
-    loading = Loading(dt=dt / 8, displacement=displacement, velocity=velocity)
+    loading = harmonic(time, (0.02, 2.0))
     force = simulate_force(mr.damper(model), theta, loading, substep_factor=2)[::8]
     force = force + noise * np.std(force) * np.random.default_rng(0).standard_normal(force.size)
     return mr.test_from_arrays(
         name=model,
         time=time[::8],
-        displacement=displacement[::8],
-        velocity=velocity[::8],
+        displacement=loading.displacement[::8],
+        velocity=loading.velocity[::8],
         force=force,
         synthetic=True,
     )
 
 
-NORMALISED = damper("normalised_bouc_wen")
+NORMALISED = mr.damper("normalised_bouc_wen")
 
 
 def steps_of(fit: mr.Fit) -> float:
@@ -155,13 +150,8 @@ SOFT = (800.0, 500.0, 0.0, 900.0, 700.0, 0.5, 1.1)
 
 @pytest.mark.parametrize("theta", [STIFF, SOFT])
 def test_the_loop_takes_the_steps_that_the_cost_says(theta: tuple[float, ...]) -> None:
-    building = mr.building("uts")
     spec = mr.damper("normalised_bouc_wen")
-    device = mr.Device(name="one", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
-    ground = 3.0 * np.sin(15.0 * np.arange(0.0, 2.0, 0.01))
-    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=ground)
-    law = mr.ControlLaw(name="passive", gains={"command": [[0.0]]})
-    responses = mr.simulate_loop(building, [device], law, [motion], histories=True)
+    responses = under_a_sine(spec, theta)
     assert responses.histories is not None
     (history,) = responses.histories
     # The motion of the damper in the building, as a test of it.

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.dampers import damper
-from mrwork.dampers.coordinates import Box
-from mrwork.identification import Objective
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.straight import Straight
 from mrwork.identification.objective import NormalEquations
 
-SPEC = damper("normalised_bouc_wen")
+SPEC = mr.damper("normalised_bouc_wen")
 THETA = np.array([[900.0, 2e3, 0.01, 400.0, 800.0, 3.0, 2.0], [50.0, -700.0, 0.2, 90.0, 300.0, 0.5, 1.5]])
-COORDINATES = Straight(SPEC, Box.of(SPEC))
+COORDINATES = Straight(SPEC, mr.Box.of(SPEC))
 FREE = np.zeros(THETA.shape, dtype=np.bool_)
 
 
@@ -74,8 +71,8 @@ def stroke_that_never_comes_back() -> mr.DamperTest:
 
 
 def test_a_damping_that_starts_near_zero_is_found() -> None:
-    objective = Objective.of(SPEC, (stroke_that_never_comes_back(),), threads=1)
-    box = Box.of(SPEC)
+    objective = mr.identification.Objective.of(SPEC, (stroke_that_never_comes_back(),), threads=1)
+    box = mr.Box.of(SPEC)
     start = np.array([[SPEC.parameters[0].lower, 1.5e4, 0.0, 500.0, 300.0, 2.0, 1.5]])
     minima = find_minima(objective, box, start, max_iterations=100)
     assert minima.converged[0]
@@ -84,8 +81,8 @@ def test_a_damping_that_starts_near_zero_is_found() -> None:
 
 
 def test_a_parameter_is_still_on_a_bound_that_the_misfit_falls_across_and_leaves_it_inwards() -> None:
-    objective = Objective.of(SPEC, (stroke_that_never_comes_back(),), threads=1)
-    narrow = Box.of(SPEC).with_bounds({"c": (1e-3, 1e3), "n": (1.0, 6.0)})
+    objective = mr.identification.Objective.of(SPEC, (stroke_that_never_comes_back(),), threads=1)
+    narrow = mr.Box.of(SPEC).with_bounds({"c": (1e-3, 1e3), "n": (1.0, 6.0)})
     start = np.array([[1e3, 1.5e4, 0.0, 500.0, 300.0, 2.0, 6.0]])
     minima = find_minima(objective, narrow, start, max_iterations=100)
     assert minima.theta[0, 0] == 1e3
@@ -101,10 +98,10 @@ def test_a_parameter_is_still_on_a_bound_that_the_misfit_falls_across_and_leaves
 def test_steps_of_all_simulations_are_counted() -> None:
     test = mr.synthetic_test("spencer1997")
     theta = SPEC.nominal * np.exp(np.random.default_rng(0).normal(0.0, 1.0, (9, len(SPEC.names))))
-    theta = np.clip(theta, Box.of(SPEC).lower, Box.of(SPEC).upper)
-    direct, with_offset = (Objective.of(SPEC, (test,), threads=1) for _ in range(2))
+    theta = np.clip(theta, mr.Box.of(SPEC).lower, mr.Box.of(SPEC).upper)
+    direct, with_offset = (mr.identification.Objective.of(SPEC, (test,), threads=1) for _ in range(2))
     direct(theta)
     assert direct.tally.steps > 9 * test.n_time
     every = np.ones((9, 1), dtype=np.bool_)
-    NormalEquations.at(with_offset, Box.of(SPEC), theta, every)
+    NormalEquations.at(with_offset, mr.Box.of(SPEC), theta, every)
     assert with_offset.tally.steps == direct.tally.steps

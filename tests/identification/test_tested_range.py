@@ -15,22 +15,18 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 from mrwork.base.remark import warnings_of
-from mrwork.errors import MrworkWarning, SimulationError
-from mrwork.identification import Race
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.problem import pooled_commands
 from mrwork.identification.result import explain_failures
-from mrwork.records import DamperTest
-from mrwork.search import EfficientGA, StopRules
 from mrwork.store.codec import built, json_document
 
 LAWFUL = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
-SEARCH = EfficientGA(stop=StopRules(max_generations=10))
+SEARCH = mr.search.EfficientGA(stop=mr.search.StopRules(max_generations=10))
 # The friction turns negative below 0.125 A.
 THETA = [-100.0, 800.0, 0.02, 900.0, 0.0]
 
 
-def a_test(current: float, amplitude: float = 0.01, frequency: float = 1.0) -> DamperTest:
+def a_test(current: float, amplitude: float = 0.01, frequency: float = 1.0) -> mr.DamperTest:
     return sinusoidal_test(LAWFUL, THETA, (amplitude, frequency), noise=0.01, rng=1, command=current)
 
 
@@ -72,7 +68,7 @@ def test_a_prediction_within_the_tested_ranges_says_nothing(fit: mr.Fit) -> None
     ],
 )
 def test_a_prediction_outside_the_tested_ranges_names_each_quantity(
-    fit: mr.Fit, test: Callable[[], DamperTest], names: tuple[str, ...]
+    fit: mr.Fit, test: Callable[[], mr.DamperTest], names: tuple[str, ...]
 ) -> None:
     assert mr.predict(fit, test()).outside.names == names
 
@@ -85,8 +81,8 @@ def test_at_a_command_that_was_left_out_the_law_is_named(fit: mr.Fit) -> None:
 
 def test_a_simulation_that_fails_outside_the_tested_range_says_so(fit: mr.Fit) -> None:
     for current, said in ((0.0, r"diverged; outside the tested range: command 0 A"), (0.5, r"diverged$")):
-        with pytest.raises(SimulationError, match=said), explain_failures(fit, a_test(current)):
-            raise SimulationError("diverged")
+        with pytest.raises(mr.errors.SimulationError, match=said), explain_failures(fit, a_test(current)):
+            raise mr.errors.SimulationError("diverged")
 
 
 def test_both_verbs_say_what_the_fit_says(tmp_path: Path) -> None:
@@ -107,11 +103,11 @@ def test_both_verbs_say_what_the_fit_says(tmp_path: Path) -> None:
     assert (inside["outside_tested_range"], inside["remarks"]) == ([], [])
 
 
-FEW = Race(samples=6, starts=4, population=8, generations=4, most_rounds=1)
+FEW = mr.identification.Race(samples=6, starts=4, population=8, generations=4, most_rounds=1)
 BINGHAM = (400.0, 0.01, 900.0, 0.0)
 
 
-def at(*currents: float | None) -> tuple[DamperTest, ...]:
+def at(*currents: float | None) -> tuple[mr.DamperTest, ...]:
     return tuple(
         replace(sinusoidal_test("bingham", BINGHAM, motion, noise=0.02), current=current)
         for motion, current in zip(MOTIONS, currents, strict=False)
@@ -119,7 +115,7 @@ def at(*currents: float | None) -> tuple[DamperTest, ...]:
 
 
 def test_a_pooled_fit_warns_before_the_search_and_carries_the_warning() -> None:
-    with pytest.warns(MrworkWarning, match=r"3 commands \(0, 0.5, 1 A\).*bingham.*--law") as caught:
+    with pytest.warns(mr.errors.MrworkWarning, match=r"3 commands \(0, 0.5, 1 A\).*bingham.*--law") as caught:
         fit = mr.identify("bingham", at(1.0, 0.0, 0.5), search=FEW)
     assert Path(caught[0].filename) == Path(__file__)
     assert warnings_of(fit.remarks) == (str(caught[0].message),)

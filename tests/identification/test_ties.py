@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +11,14 @@ from refusals import command_refusal, refusal
 from scipy.optimize import approx_fprime
 
 import mrwork as mr
-from mrwork.dampers import Box
-from mrwork.identification.fit_file import fit_content
 from mrwork.identification.ties import Ties
-from mrwork.records import cut
-from mrwork.uncertainty.candidate_tests import Candidate
 
 TIE = {"f0": "-0.1*f_c + 5"}
 
 
 @pytest.fixture(scope="module")
 def test() -> mr.DamperTest:
-    return cut(mr.synthetic_test("rd1005_1a"), every=8)
+    return mr.records.cut(mr.synthetic_test("rd1005_1a"), every=8)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +67,7 @@ def test_derivatives_go_through_the_tie(test: mr.DamperTest) -> None:
 def test_a_value_is_that_of_python_and_its_slope_that_of_differences() -> None:
     spec = mr.damper("bingham")
     expression = "2*(c0 - 3.5)/f_c**2 + -v_s*1e3 - +4"
-    ties = Ties.of(spec, {"f0": expression}, Box.of(spec))
+    ties = Ties.of(spec, {"f0": expression}, mr.Box.of(spec))
     theta = np.array([600.0, 0.01, 4000.0, 0.0])
     f_c, v_s, c0, _ = theta
     assert ties.apply(theta)[3] == pytest.approx(2 * (c0 - 3.5) / f_c**2 + -v_s * 1e3 - +4)
@@ -99,12 +94,6 @@ def test_later_verbs_keep_the_tie(fit: mr.Fit, test: mr.DamperTest) -> None:
     assert np.ptp(draws.theta[:, 3]) > 0.0
     profiles = mr.profile(fit, test, parameters=["f_c"], threads=1)
     assert profiles.misfit == pytest.approx(fit.nrmse, rel=1e-6)
-
-
-def test_a_fit_is_recorded_with_its_ties(fit: mr.Fit, test: mr.DamperTest) -> None:
-    document = json.loads(fit_content(fit))
-    assert document["provenance"]["settings"]["ties"] == TIE
-    assert mr.identification.FitSettings.of_record(document["provenance"]["settings"]).ties == TIE
 
 
 def test_parameters_of_a_fit_are_found_by_name(fit: mr.Fit) -> None:
@@ -138,7 +127,7 @@ def test_ties_of_parameters_that_have_other_values_are_refused(test: mr.DamperTe
 
 
 def test_a_plan_of_tests_with_a_tied_fit_is_refused(fit: mr.Fit, test: mr.DamperTest) -> None:
-    candidate = Candidate(amplitude=0.01, frequency=1.0)
+    candidate = mr.uncertainty.Candidate(amplitude=0.01, frequency=1.0)
     refusal(mr.plan, fit, [test], [candidate], match="tied f0")
 
 

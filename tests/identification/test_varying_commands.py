@@ -15,16 +15,11 @@ from command_line import printed
 from numpy.typing import NDArray
 from record_files import write_test
 from refusals import command_refusal, refusal
-from report_samples import fit as sample_fit
-from report_samples import prediction
-from run_folders import write_fit
 from sentences import Refused
 from sinusoidal_tests import driven_test
 
 import mrwork as mr
 from mrwork.base.remark import Measured
-from mrwork.dampers import LawName
-from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import law_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
@@ -36,18 +31,13 @@ from mrwork.identification.minimise.driver_lag import missing_lag, polish_with_w
 from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
-from mrwork.search import EfficientGA, StopRules
-from mrwork.store.run_folder import PREDICTIONS, RunFolder
-from mrwork.store.run_writer import add_to_run
-from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.prediction import folds_of
 
 DT = 2e-3
 NOISE_N = 8.0
 PLAIN = mr.damper("static_hysteretic")
-LAWS: dict[str, LawName] = {"c": "linear", "alpha": "quadratic"}
+LAWS: dict[str, mr.dampers.LawName] = {"c": "linear", "alpha": "quadratic"}
 SPEC = PLAIN.with_current_laws(LAWS, lagged=True)
 TRUTH = {
     **{"c.0": 1000.0, "c.1": 1500.0, "k": 500.0, "alpha.0": 100.0, "alpha.1": 1000.0, "alpha.2": -300.0},
@@ -56,8 +46,8 @@ TRUTH = {
 THETA = np.array([TRUTH[name] for name in SPEC.names])
 # The hysteresis changes side within one sample, so no test tells over which displacement.
 FIXED = {"x_s": (1e-4, 1e-4)}
-SEARCH = EfficientGA(stop=StopRules(max_generations=30))
-FEW_GENERATIONS = EfficientGA(stop=StopRules(max_generations=5))
+SEARCH = mr.search.EfficientGA(stop=mr.search.StopRules(max_generations=30))
+FEW_GENERATIONS = mr.search.EfficientGA(stop=mr.search.StopRules(max_generations=5))
 
 FEW = mr.identification.Race(samples=6, starts=4, population=8, generations=4, most_rounds=1)
 
@@ -87,7 +77,7 @@ def record(
     amplitude: float = 0.01,
     rng: int = 0,
     n_time: int = 2000,
-) -> DamperTest:
+) -> mr.DamperTest:
     """A sinusoidal test of the lagged damper, with noise in the force alone."""
     shape = {"dt": DT, "n_time": n_time, "noise_n": NOISE_N, "rng": [rng, 7]}
     sent, name = (command(DT * np.arange(n_time)), command.__name__) if callable(command) else (command, "")
@@ -105,7 +95,7 @@ def assert_recovered(fit: Fit) -> None:
         assert abs(estimate.value - TRUTH[estimate.name]) < 5.0 * estimate.standard_error, estimate
 
 
-SETS: dict[str, tuple[DamperTest, ...]] = {
+SETS: dict[str, tuple[mr.DamperTest, ...]] = {
     "random steps": (record(random_steps, frequency=1.7, amplitude=0.012),),
     "random waves": (record(random_waves),),
     # Two levels and a third one: enough for a quadratic law only together.
@@ -167,7 +157,7 @@ def test_a_lag_that_was_left_out_is_told() -> None:
 
 
 @cache
-def immediate(command: Course, rng: int = 3) -> DamperTest:
+def immediate(command: Course, rng: int = 3) -> mr.DamperTest:
     """A test of the damper without the lag: the coil follows its command at once."""
     without, test = PLAIN.with_current_laws(LAWS), record(command)
     force = mr.simulate_force(without, THETA[:-1], loading_of(test, without))
@@ -190,7 +180,7 @@ def test_a_lag_that_the_tests_do_not_show_is_left_out_and_told(command: Course) 
     assert again.theta == pytest.approx(fit.theta, rel=1e-2)
 
 
-def ended_from(test: DamperTest, rate: float) -> FinalFit:
+def ended_from(test: mr.DamperTest, rate: float) -> FinalFit:
     """Where the final fit ends that starts from the true laws and this rate of the lag."""
     problem = Problem.of(SPEC, (test,), FitSettings(bounds=FIXED))
     points = StartingPoints(
@@ -240,7 +230,7 @@ SHARP_TRUTH = {
 }
 
 
-def sharp_record() -> DamperTest:
+def sharp_record() -> mr.DamperTest:
     """A loop whose fastest relaxation, 15 000 1/s, is above the limit with which the search begins."""
     test = record(random_steps)
     theta = [SHARP_TRUTH[name] for name in SHARP.names]
@@ -317,7 +307,7 @@ def test_a_lag_whose_part_other_parameters_have_taken_is_told() -> None:
     without, start = PLAIN.with_current_laws(LAWS), THETA[:-1].copy()
     start[-1] += 3000.0
     objective = Objective.of(without, (record(random_steps),))
-    (remark,) = missing_lag(objective, start, Box.of(without))
+    (remark,) = missing_lag(objective, start, mr.Box.of(without))
     assert remark.measured is not None
     assert remark.measured.value == pytest.approx(TRUTH["eta"], rel=0.05)
     assert remark.words == ("the other parameters fitted anew",)
@@ -360,16 +350,6 @@ def test_residuals_for_jax_follow_constant_and_varying_commands_together() -> No
     here = objective.residuals(THETA[None])[0]
     there = mr.jax.residuals(SPEC, (longer, shorter))(THETA)
     np.testing.assert_allclose(there, here, atol=1e-9)
-
-
-def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
-    tests = (record(switching), record(0.5))
-    content = predictions_content([mr.Prediction(test=test, model_force=test.force) for test in tests])
-    run = write_fit(tmp_path / "run", sample_fit(prediction()))
-    add_to_run(run, {PREDICTIONS: content})
-    stored = read_predictions(RunFolder.open(run))
-    np.testing.assert_array_equal(stored[0].test.current, tests[0].current)
-    assert stored[1].test.current == 0.5
 
 
 @pytest.mark.long

@@ -9,24 +9,20 @@ import pytest
 from refusals import refusal
 from sinusoidal_tests import driven_test
 
-from mrwork import identify
-from mrwork.dampers import LawName, damper
-from mrwork.dampers.simulation import Loading, simulate_force
+import mrwork as mr
 from mrwork.identification import Fit, FitSettings, start_from
 from mrwork.identification.identify import starting_points
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import Identifying
-from mrwork.records import DamperTest
-from mrwork.search import EfficientGA, StopRules
 
 # Too short to find anything by itself.
-BARELY = EfficientGA(population=8, stop=StopRules(max_generations=2))
-SHORT = EfficientGA(stop=StopRules(max_generations=30))
-BOUC_WEN = damper("normalised_bouc_wen")
-LAWS: dict[str, LawName] = {"k_w": "linear", "c": "linear"}
+BARELY = mr.search.EfficientGA(population=8, stop=mr.search.StopRules(max_generations=2))
+SHORT = mr.search.EfficientGA(stop=mr.search.StopRules(max_generations=30))
+BOUC_WEN = mr.damper("normalised_bouc_wen")
+LAWS: dict[str, mr.dampers.LawName] = {"k_w": "linear", "c": "linear"}
 
 
-def record(current: float) -> DamperTest:
+def record(current: float) -> mr.DamperTest:
     """A sinusoidal test of a damper whose yield force is quadratic in the current, with noise in the force alone."""
     spec = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
     values = {
@@ -39,13 +35,13 @@ def record(current: float) -> DamperTest:
 
 
 @pytest.fixture(scope="module")
-def tests() -> tuple[DamperTest, ...]:
+def tests() -> tuple[mr.DamperTest, ...]:
     return tuple(record(current) for current in (0.0, 0.5, 1.0))
 
 
 @pytest.fixture(scope="module")
-def fit(tests: tuple[DamperTest, ...]) -> Fit:
-    return identify(BOUC_WEN.with_current_laws(LAWS), tests, search=SHORT, rng=1)
+def fit(tests: tuple[mr.DamperTest, ...]) -> Fit:
+    return mr.identify(BOUC_WEN.with_current_laws(LAWS), tests, search=SHORT, rng=1)
 
 
 def values(fit: Fit) -> dict[str, float]:
@@ -60,20 +56,20 @@ def test_a_raised_law_starts_where_the_lower_one_ended(fit: Fit) -> None:
     assert set(start) == set(raised.names)
     assert all(start[name] == was[name] for name in ("k_w.0", "k_w.1", "c.1", "k"))
     phase = np.linspace(0.0, 20.0, 500)
-    loading = Loading(
+    loading = mr.Loading(
         dt=1e-3,
         displacement=0.01 * np.sin(phase),
         velocity=0.4 * np.cos(phase),
         command=0.7,
         command_unit="A",
     )
-    then = simulate_force(fit.spec, np.array(fit.theta), loading)
-    now = simulate_force(raised, np.array([start[name] for name in raised.names]), loading)
+    then = mr.simulate_force(fit.spec, np.array(fit.theta), loading)
+    now = mr.simulate_force(raised, np.array([start[name] for name in raised.names]), loading)
     # The polynomials are the same numbers; evaluating them to a higher degree may round elsewhere.
     np.testing.assert_allclose(now, then, rtol=0, atol=1e-9 * np.ptp(then))
 
 
-def test_given_starts_stand_after_those_that_were_found(tests: tuple[DamperTest, ...], fit: Fit) -> None:
+def test_given_starts_stand_after_those_that_were_found(tests: tuple[mr.DamperTest, ...], fit: Fit) -> None:
     raised = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
     settings = FitSettings(search=BARELY, bounds={"n": (1.0, 1.2)}, rng=1)
     problem = Problem.of(raised, tests, settings)
@@ -89,40 +85,40 @@ def test_given_starts_stand_after_those_that_were_found(tests: tuple[DamperTest,
     assert 1.2 - 1e-6 < columns["n"][1] < 1.2
 
 
-def test_a_fit_goes_on_from_where_it_started(tests: tuple[DamperTest, ...], fit: Fit) -> None:
+def test_a_fit_goes_on_from_where_it_started(tests: tuple[mr.DamperTest, ...], fit: Fit) -> None:
     raised = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
     start = start_from(fit, raised)
-    again = identify(raised, tests, search=BARELY, starts=[start], rng=1)
+    again = mr.identify(raised, tests, search=BARELY, starts=[start], rng=1)
     assert again.nrmse < fit.nrmse
     assert again.provenance.settings["starts"] == [start]
 
 
-def test_an_incomplete_start_is_completed_and_pulled_inside(tests: tuple[DamperTest, ...]) -> None:
+def test_an_incomplete_start_is_completed_and_pulled_inside(tests: tuple[mr.DamperTest, ...]) -> None:
     start = {"sigma": 0.9, "n": 5.0, "k_w": 500.0}
-    found = identify(BOUC_WEN, tests[1], search=SHORT, bounds={"n": (1.0, 2.0)}, starts=[start], rng=1)
+    found = mr.identify(BOUC_WEN, tests[1], search=SHORT, bounds={"n": (1.0, 2.0)}, starts=[start], rng=1)
     assert found.rmse_n == pytest.approx(5.0, rel=0.05)
     assert 1.0 <= values(found)["n"] <= 2.0
 
 
 def test_a_kindred_model_shares_what_has_the_same_name_and_unit(fit: Fit) -> None:
-    modified = damper("normalised_modified_bouc_wen").with_current_laws({"k_w": "quadratic"})
+    modified = mr.damper("normalised_modified_bouc_wen").with_current_laws({"k_w": "quadratic"})
     start = start_from(fit, modified)
     # c of the one is not c0 of the other; x0, k_w and the loop are the same.
     assert set(start) == {"x0", "k_w.0", "k_w.1", "k_w.2", "rho", "sigma", "n"}
     assert start["k_w.2"] == 0.0
 
 
-def test_a_redundant_form_takes_a_start_as_a_whole(tests: tuple[DamperTest, ...]) -> None:
-    spencer = identify("bouc_wen", tests[1], search=SHORT, rng=1)
-    start = start_from(spencer, damper("bouc_wen"))
-    again = identify("bouc_wen", tests[1], search=BARELY, starts=[start], rng=2)
+def test_a_redundant_form_takes_a_start_as_a_whole(tests: tuple[mr.DamperTest, ...]) -> None:
+    spencer = mr.identify("bouc_wen", tests[1], search=SHORT, rng=1)
+    start = start_from(spencer, mr.damper("bouc_wen"))
+    again = mr.identify("bouc_wen", tests[1], search=BARELY, starts=[start], rng=2)
     assert again.nrmse == pytest.approx(spencer.nrmse, rel=1e-3)
-    refusal(identify, "bouc_wen", tests[1], starts=[{"n": 2.0}], match="only as a whole")
+    refusal(mr.identify, "bouc_wen", tests[1], starts=[{"n": 2.0}], match="only as a whole")
 
 
-def test_an_unusable_start_is_named_before_anything_is_searched(tests: tuple[DamperTest, ...]) -> None:
+def test_an_unusable_start_is_named_before_anything_is_searched(tests: tuple[mr.DamperTest, ...]) -> None:
     refusal(
-        *(identify, BOUC_WEN, tests[1]),
+        *(mr.identify, BOUC_WEN, tests[1]),
         starts=[{"k_w.0": 1.0}],
         on_progress=lambda progress: pytest.fail("searched"),
         match="k_w.0",
@@ -134,6 +130,6 @@ def test_a_fit_that_cannot_be_carried_over_says_why(fit: Fit) -> None:
         (BOUC_WEN.with_current_laws({"k_w": "exponential", "c": "linear"}), "k_w is linear .* exponential"),
         (BOUC_WEN, "c is linear .* constant"),
         (BOUC_WEN.with_current_laws(LAWS, unit="V"), "take A, .* V"),
-        (damper("hyperbolic_tangent_guo"), "no parameter"),
+        (mr.damper("hyperbolic_tangent_guo"), "no parameter"),
     ):
         refusal(start_from, fit, model, match=word)

@@ -10,32 +10,19 @@ import numpy as np
 import pytest
 from refusals import refusal
 
-from mrwork.errors import MrworkWarning
-from mrwork.motions import (
-    GroundMotion,
-    check_suite,
-    en_1998_spectrum,
-    near_fault_pulse,
-    read_motion,
-    read_motions,
-    scaled,
-    scaled_to_peak,
-    sine,
-    suite,
-    synthetic_motion,
-)
+import mrwork as mr
 from tools.faults import planted_motions
 from tools.faults.planted import sweep
 
-HONEST = synthetic_motion(rng=3, duration=20.0)
-TARGET = en_1998_spectrum(2.0, "B")
+HONEST = mr.synthetic_motion(rng=3, duration=20.0)
+TARGET = mr.motions.en_1998_spectrum(2.0, "B")
 
 
-def with_samples(acceleration: np.ndarray, dt: float = HONEST.dt) -> GroundMotion:  # type: ignore[type-arg]
+def with_samples(acceleration: np.ndarray, dt: float = HONEST.dt) -> mr.GroundMotion:  # type: ignore[type-arg]
     return replace(HONEST, acceleration=acceleration, dt=dt)
 
 
-def with_a_spike() -> GroundMotion:
+def with_a_spike() -> mr.GroundMotion:
     acceleration = HONEST.acceleration.copy()
     acceleration[1500] = 10.0 * HONEST.peak
     return with_samples(acceleration)
@@ -60,7 +47,7 @@ def with_a_spike() -> GroundMotion:
     ],
 )
 def test_a_fault_is_told_wherever_a_motion_is_read(
-    tmp_path: Path, motion: GroundMotion, code: str, size: float | None
+    tmp_path: Path, motion: mr.GroundMotion, code: str, size: float | None
 ) -> None:
     (found,) = motion.remarks
     assert (found.code, found.words, found.severity) == (code, (motion.name,), "warning")
@@ -70,15 +57,15 @@ def test_a_fault_is_told_wherever_a_motion_is_read(
     pairs = zip(motion.time.tolist(), motion.acceleration.tolist(), strict=True)
     path = tmp_path / "motion.csv"
     path.write_text("\n".join(["t_s,a_mps2", *(f"{time!r},{value!r}" for time, value in pairs)]))
-    with pytest.warns(MrworkWarning, match="ground motion motion: "):
-        read_motion(path)
+    with pytest.warns(mr.errors.MrworkWarning, match="ground motion motion: "):
+        mr.read_motion(path)
 
 
 def test_honest_motions_are_silent() -> None:
-    drawn = [*suite(("rock", "firm", "medium", "soft"), 16, rng=5), HONEST]
+    drawn = [*mr.motions.suite(("rock", "firm", "medium", "soft"), 16, rng=5), HONEST]
     made = [
-        sine(amplitude=1.0, frequency=1.0, cycles=20.0),
-        near_fault_pulse(amplitude=2.0, period=1.5),
+        mr.motions.sine(amplitude=1.0, frequency=1.0, cycles=20.0),
+        mr.motions.near_fault_pulse(amplitude=2.0, period=1.5),
     ]
     for motion in (*drawn, *made):
         # Recorders with few digits are honest, too.
@@ -89,7 +76,7 @@ def test_honest_motions_are_silent() -> None:
 @pytest.mark.skipif(not (measured_data.DATA / "records/real").is_dir(), reason="no measured records")
 def test_measured_records_are_silent() -> None:
     records = measured_data.DATA / "records"
-    motions = (*read_motions(records / "real"), *read_motions(str(records / "*.csv")))
+    motions = (*mr.read_motions(records / "real"), *mr.read_motions(str(records / "*.csv")))
     assert len(motions) == 20
     assert [motion.remarks for motion in motions] == [()] * 20
 
@@ -101,28 +88,28 @@ def test_planted_faults_are_told_and_honest_records_are_not() -> None:
 
 
 def test_a_motion_is_scaled_no_further_than_files_go() -> None:
-    refusal(scaled_to_peak, HONEST, 300.0, match="beyond any earthquake")
+    refusal(mr.motions.scaled_to_peak, HONEST, 300.0, match="beyond any earthquake")
 
 
-def copy_of(motion: GroundMotion, name: str, factor: float = 1.0, rest: int = 0) -> GroundMotion:
+def copy_of(motion: mr.GroundMotion, name: str, factor: float = 1.0, rest: int = 0) -> mr.GroundMotion:
     return replace(
         motion, name=name, acceleration=np.concatenate([np.zeros(rest), factor * motion.acceleration])
     )
 
 
 def test_copies_in_a_suite_are_told_and_count_once() -> None:
-    first, *others = suite("firm", 3, rng=0)
-    check = check_suite(
+    first, *others = mr.motions.suite("firm", 3, rng=0)
+    check = mr.motions.check_suite(
         [first, copy_of(first, "twin"), copy_of(first, "far", -2.0, 300), *others], TARGET, period=0.8
     )
     assert check.copies == {first.name: ("twin", "far")}
     assert check.n_records == 3
     assert "twin, far are copies of the record" in check.shortcomings[0]
-    again = check_suite([first, first, *others], TARGET, period=0.8)
+    again = mr.motions.check_suite([first, first, *others], TARGET, period=0.8)
     assert again.n_records == 3
 
 
 def test_levels_of_a_record_and_other_motions_are_no_copies() -> None:
-    motions = suite(("firm", "soft"), 4, rng=1)
-    levels = [scaled(motions[0], factor) for factor in (0.5, 2.0)]
-    assert check_suite([*motions, *levels], TARGET, period=0.8).copies == {}
+    motions = mr.motions.suite(("firm", "soft"), 4, rng=1)
+    levels = [mr.motions.scaled(motions[0], factor) for factor in (0.5, 2.0)]
+    assert mr.motions.check_suite([*motions, *levels], TARGET, period=0.8).copies == {}

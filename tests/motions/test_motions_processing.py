@@ -9,45 +9,34 @@ import pytest
 from numpy.testing import assert_allclose
 from refusals import refusal
 
-from mrwork.errors import MrworkWarning
-from mrwork.motions import (
-    GroundMotion,
-    baseline_corrected,
-    resampled,
-    scaled,
-    scaled_to_peak,
-    sine,
-    synthetic_motion,
-    time_scaled,
-    trimmed,
-)
+import mrwork as mr
 from mrwork.motions.read import motion_of_columns
 
-MOTION = synthetic_motion(duration=5.0)
+MOTION = mr.synthetic_motion(duration=5.0)
 
 
-def columns(time: np.ndarray, acceleration: np.ndarray) -> GroundMotion:
+def columns(time: np.ndarray, acceleration: np.ndarray) -> mr.GroundMotion:
     return motion_of_columns(time, acceleration, name="a", source="", where=lambda row: f"row {row}")
 
 
 def test_a_straight_acceleration_is_integrated_exactly() -> None:
-    motion = GroundMotion(name="a", dt=0.1, acceleration=np.linspace(0.0, 4.0, 21))
+    motion = mr.GroundMotion(name="a", dt=0.1, acceleration=np.linspace(0.0, 4.0, 21))
     assert_allclose(motion.velocity, motion.time**2, rtol=1e-12, atol=1e-14)
     assert_allclose(motion.displacement, motion.time**3 / 3.0, rtol=1e-12, atol=1e-14)
 
 
 def test_scaling_is_told_and_changes_nothing_else() -> None:
-    twice = scaled(MOTION, -2.0)
+    twice = mr.motions.scaled(MOTION, -2.0)
     assert_allclose(twice.acceleration, -2.0 * MOTION.acceleration, rtol=0)
     assert twice.changes == ("acceleration x -2",)
-    small = scaled_to_peak(twice, 0.981)
+    small = mr.motions.scaled_to_peak(twice, 0.981)
     assert small.peak == pytest.approx(0.981, rel=1e-14)
     assert small.changes[1].endswith("to 0.981 m/s2")
     assert_allclose(small.acceleration / small.peak, twice.acceleration / twice.peak, rtol=1e-12)
 
 
 def test_a_shorter_time_axis_divides_velocity_and_its_square_displacement() -> None:
-    fast = time_scaled(MOTION, 0.2)
+    fast = mr.motions.time_scaled(MOTION, 0.2)
     assert fast.changes == ("time axis x 0.2",)
     assert fast.duration == pytest.approx(0.2 * MOTION.duration)
     assert_allclose(fast.velocity, 0.2 * MOTION.velocity, rtol=1e-10, atol=1e-12)
@@ -55,25 +44,27 @@ def test_a_shorter_time_axis_divides_velocity_and_its_square_displacement() -> N
 
 
 def test_a_cut_keeps_the_samples_of_both_bounds() -> None:
-    cut = trimmed(MOTION, start=1.0, end=3.0)
+    cut = mr.motions.trimmed(MOTION, start=1.0, end=3.0)
     assert cut.n_time == 201
     assert_allclose(cut.acceleration, MOTION.acceleration[100:301], rtol=0)
     assert cut.changes == ("cut to 1 to 3 s",)
-    assert trimmed(MOTION, end=50.0) is MOTION
+    assert mr.motions.trimmed(MOTION, end=50.0) is MOTION
 
 
 @pytest.mark.parametrize("order", [0, 1, 3])
 def test_a_baseline_of_its_order_is_taken_out_whole(order: int) -> None:
-    clean = baseline_corrected(MOTION, order=order)
+    clean = mr.motions.baseline_corrected(MOTION, order=order)
     place = np.linspace(0.0, 1.0, MOTION.n_time)
-    drifting = GroundMotion(name="a", dt=MOTION.dt, acceleration=MOTION.acceleration + 0.3 * place**order)
-    assert_allclose(baseline_corrected(drifting, order=order).acceleration, clean.acceleration, atol=1e-12)
+    drifting = mr.GroundMotion(name="a", dt=MOTION.dt, acceleration=MOTION.acceleration + 0.3 * place**order)
+    assert_allclose(
+        mr.motions.baseline_corrected(drifting, order=order).acceleration, clean.acceleration, atol=1e-12
+    )
     assert abs(clean.acceleration.mean()) < 1e-14
     assert f"order {order}" in clean.changes[0]
 
 
 def test_a_finer_grid_is_the_same_motion() -> None:
-    fine = resampled(MOTION, MOTION.dt / 4)
+    fine = mr.motions.resampled(MOTION, MOTION.dt / 4)
     assert_allclose(fine.acceleration[::4], MOTION.acceleration, atol=1e-12)
     assert_allclose(fine.displacement[::4], MOTION.displacement, atol=1e-12)
     assert fine.n_time == 4 * (MOTION.n_time - 1) + 1
@@ -81,20 +72,20 @@ def test_a_finer_grid_is_the_same_motion() -> None:
 
 def test_a_coarser_grid_that_folds_back_is_told() -> None:
     # 40 Hz exceeds the Nyquist frequency for 0.02 s: interpolation aliases it to 10 Hz with its full amplitude.
-    fast = sine(amplitude=1.0, frequency=40.0, cycles=400.0, dt=0.002)
+    fast = mr.motions.sine(amplitude=1.0, frequency=40.0, cycles=400.0, dt=0.002)
     inner = slice(100, 400)
-    with pytest.warns(MrworkWarning, match="velocity is off"):
-        folded = resampled(fast, 0.02)
+    with pytest.warns(mr.errors.MrworkWarning, match="velocity is off"):
+        folded = mr.motions.resampled(fast, 0.02)
     assert np.abs(folded.acceleration[inner]).max() > 0.9
 
 
 def test_a_coarser_grid_of_a_record_that_it_holds_is_silent() -> None:
     for motion in (
         MOTION,
-        synthetic_motion(duration=5.0, dt=0.005),
-        sine(amplitude=1.0, frequency=2.0, cycles=8.0, dt=0.002),
+        mr.synthetic_motion(duration=5.0, dt=0.005),
+        mr.motions.sine(amplitude=1.0, frequency=2.0, cycles=8.0, dt=0.002),
     ):
-        assert resampled(motion, 2.0 * motion.dt).n_time == (motion.n_time + 1) // 2
+        assert mr.motions.resampled(motion, 2.0 * motion.dt).n_time == (motion.n_time + 1) // 2
 
 
 def test_jitter_of_the_clock_moves_no_sample() -> None:
@@ -129,10 +120,10 @@ def test_a_long_pause_at_the_end_is_padding_only_if_it_is_zero() -> None:
 @pytest.mark.parametrize(
     ("change", "options", "word"),
     [
-        (scaled, {"factor": 0.0}, "scaled by 0"),
-        (trimmed, {"start": 9.0}, "from 9 to inf s"),
-        (trimmed, {"start": 2.0, "end": 1.0}, "from 2 to 1 s"),
-        (resampled, {"dt": 6.0}, "every 6.0 s"),
+        (mr.motions.scaled, {"factor": 0.0}, "scaled by 0"),
+        (mr.motions.trimmed, {"start": 9.0}, "from 9 to inf s"),
+        (mr.motions.trimmed, {"start": 2.0, "end": 1.0}, "from 2 to 1 s"),
+        (mr.motions.resampled, {"dt": 6.0}, "every 6.0 s"),
     ],
 )
 def test_what_cannot_be_done_is_refused(
@@ -142,4 +133,9 @@ def test_what_cannot_be_done_is_refused(
 
 
 def test_nothing_cannot_be_scaled_to_a_peak() -> None:
-    refusal(scaled_to_peak, GroundMotion(name="a", dt=0.1, acceleration=np.zeros(9)), 1.0, match="zero")
+    refusal(
+        mr.motions.scaled_to_peak,
+        mr.GroundMotion(name="a", dt=0.1, acceleration=np.zeros(9)),
+        1.0,
+        match="zero",
+    )

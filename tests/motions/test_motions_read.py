@@ -136,11 +136,6 @@ def test_a_g_is_no_acceleration_in_g(tmp_path: Path) -> None:
     assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-9)
 
 
-def test_vectors_of_a_mat_file_are_known_by_their_names(tmp_path: Path) -> None:
-    savemat(tmp_path / "a.mat", {"t_s": DT * np.arange(N_TIME), "a_mps2": A})
-    assert_is_the_motion(read_motion(tmp_path / "a.mat", unit="m/s2"), 1e-12)
-
-
 def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path) -> None:
     time = DT * np.arange(N_TIME)
     path = tmp_path / "a.mat"

@@ -7,24 +7,16 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import StateSpace, lsim
 
-from mrwork.motions import (
-    GroundMotion,
-    resampled,
-    response_spectrum,
-    scaled,
-    synthetic_motion,
-    time_scaled,
-    trimmed,
-)
+import mrwork as mr
 
 PERIODS = np.array([0.03, 0.1, 0.35, 1.0, 2.5, 6.0])
-MOTION = synthetic_motion(duration=12.0)
+MOTION = mr.synthetic_motion(duration=12.0)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.02, 0.2, 0.7])
 def test_a_step_of_acceleration_overshoots_as_the_closed_form_says(damping: float) -> None:
-    step = GroundMotion(name="step", dt=0.005, acceleration=np.ones(4001))
-    spectrum = response_spectrum(step, PERIODS, damping=damping)
+    step = mr.GroundMotion(name="step", dt=0.005, acceleration=np.ones(4001))
+    spectrum = mr.response_spectrum(step, PERIODS, damping=damping)
     overshoot = 1.0 + np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2))
     # The peak is between samples: 64 points per period find it within 1 - cos(pi / 64).
     assert_allclose(spectrum.pseudo_acceleration, overshoot, rtol=1.3e-3)
@@ -33,9 +25,9 @@ def test_a_step_of_acceleration_overshoots_as_the_closed_form_says(damping: floa
 
 @pytest.mark.parametrize("damping", [0.0, 0.05, 0.4])
 def test_peaks_agree_with_scipy_on_a_fine_grid(damping: float) -> None:
-    motion = trimmed(MOTION, end=4.0)
-    spectrum = response_spectrum(motion, PERIODS, damping=damping)
-    fine = resampled(motion, motion.dt / 40)
+    motion = mr.motions.trimmed(MOTION, end=4.0)
+    spectrum = mr.response_spectrum(motion, PERIODS, damping=damping)
+    fine = mr.motions.resampled(motion, motion.dt / 40)
     for period, *ours in zip(
         PERIODS, spectrum.displacement, spectrum.velocity, spectrum.acceleration, strict=True
     ):
@@ -49,13 +41,15 @@ def test_peaks_agree_with_scipy_on_a_fine_grid(damping: float) -> None:
 
 
 def test_a_finer_grid_of_the_same_motion_has_the_same_spectrum() -> None:
-    coarse, fine = (response_spectrum(motion, PERIODS) for motion in (MOTION, resampled(MOTION, 0.00125)))
+    coarse, fine = (
+        mr.response_spectrum(motion, PERIODS) for motion in (MOTION, mr.motions.resampled(MOTION, 0.00125))
+    )
     for name in ("displacement", "velocity", "acceleration"):
         assert_allclose(getattr(coarse, name), getattr(fine, name), rtol=1.3e-3)
 
 
 def test_stiff_oscillators_feel_the_peak_of_the_ground_and_soft_ones_its_displacement() -> None:
-    spectrum = response_spectrum(MOTION, [1e-4, 0.02, 3000.0])
+    spectrum = mr.response_spectrum(MOTION, [1e-4, 0.02, 3000.0])
     # The response of period T to linear pieces of slope s differs by the order of s T / (2 pi).
     assert spectrum.acceleration[0] == pytest.approx(MOTION.peak, rel=1e-2)
     assert spectrum.displacement[2] == pytest.approx(np.abs(MOTION.displacement).max(), rel=1e-2)
@@ -63,16 +57,18 @@ def test_stiff_oscillators_feel_the_peak_of_the_ground_and_soft_ones_its_displac
 
 
 def test_the_spectrum_scales_with_amplitude_and_time() -> None:
-    spectrum = response_spectrum(MOTION, PERIODS)
+    spectrum = mr.response_spectrum(MOTION, PERIODS)
     assert_allclose(
-        response_spectrum(scaled(MOTION, -3.0), PERIODS).displacement, 3.0 * spectrum.displacement, rtol=1e-12
+        mr.response_spectrum(mr.motions.scaled(MOTION, -3.0), PERIODS).displacement,
+        3.0 * spectrum.displacement,
+        rtol=1e-12,
     )
-    fast = response_spectrum(time_scaled(MOTION, 0.2), 0.2 * PERIODS)
+    fast = mr.response_spectrum(mr.motions.time_scaled(MOTION, 0.2), 0.2 * PERIODS)
     assert_allclose(fast.acceleration, spectrum.acceleration, rtol=1e-9)
 
 
 def test_without_damping_pseudo_and_absolute_acceleration_are_one() -> None:
-    spectrum = response_spectrum(MOTION, PERIODS, damping=0.0)
+    spectrum = mr.response_spectrum(MOTION, PERIODS, damping=0.0)
     assert_allclose(spectrum.pseudo_acceleration, spectrum.acceleration, rtol=1e-12)
     assert_allclose(
         spectrum.pseudo_velocity * 2.0 * np.pi / PERIODS, spectrum.pseudo_acceleration, rtol=1e-12
@@ -80,6 +76,6 @@ def test_without_damping_pseudo_and_absolute_acceleration_are_one() -> None:
 
 
 def test_periods_do_not_influence_each_other() -> None:
-    together = response_spectrum(MOTION, PERIODS)
-    alone = [response_spectrum(MOTION, period).displacement[0] for period in PERIODS]
+    together = mr.response_spectrum(MOTION, PERIODS)
+    alone = [mr.response_spectrum(MOTION, period).displacement[0] for period in PERIODS]
     assert_allclose(together.displacement, alone, rtol=1e-13)

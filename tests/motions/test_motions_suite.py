@@ -7,24 +7,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from mrwork.motions import (
-    GammaEnvelope,
-    GroundMotion,
-    baseline_corrected,
-    near_fault_pulse,
-    resampled,
-    scaled,
-    sine,
-    suite,
-    time_scaled,
-    trimmed,
-)
+import mrwork as mr
 from mrwork.motions.ground_motion import brought_to_rest, is_copy
 
-WHOLE = suite(n=24, rng=3)
+WHOLE = mr.motions.suite(n=24, rng=3)
 
 
-def energy_times(motion: GroundMotion) -> tuple[float, float]:
+def energy_times(motion: mr.GroundMotion) -> tuple[float, float]:
     """Times of 5 and 95 % of the integral of the squared acceleration [s]."""
     share = np.cumsum(motion.acceleration**2)
     first, last = np.searchsorted(share / share[-1], [0.05, 0.95])
@@ -36,31 +25,33 @@ def test_every_stratum_has_equally_many_motions() -> None:
     assert len(counts) == 6
     assert set(counts.values()) == {4}
     assert len({motion.name for motion in WHOLE}) == 24
-    assert Counter(motion.groups[1] for motion in suite("soft", 5, rng=0)) == {
+    assert Counter(motion.groups[1] for motion in mr.motions.suite("soft", 5, rng=0)) == {
         "no pulse": 3,
         "near-fault pulse": 2,
     }
-    assert {motion.groups[1] for motion in suite("soft", 3, rng=0, pulses="with")} == {"near-fault pulse"}
+    assert {motion.groups[1] for motion in mr.motions.suite("soft", 3, rng=0, pulses="with")} == {
+        "near-fault pulse"
+    }
 
 
 def test_a_suite_has_the_same_bits_for_its_seed_and_others_for_another() -> None:
-    again, other = suite(n=24, rng=3), suite(n=24, rng=4)
+    again, other = mr.motions.suite(n=24, rng=3), mr.motions.suite(n=24, rng=4)
     for one, same, another in zip(WHOLE, again, other, strict=True):
         assert np.array_equal(one.acceleration, same.acceleration)
         assert (one.name, one.source) == (same.name, same.source)
         assert one.source != another.source
-    generated = [suite("firm", 2, rng=np.random.default_rng(5)) for _ in range(2)]
+    generated = [mr.motions.suite("firm", 2, rng=np.random.default_rng(5)) for _ in range(2)]
     assert np.array_equal(generated[0][1].acceleration, generated[1][1].acceleration)
 
 
 def test_a_motion_does_not_depend_on_how_many_others_are_drawn() -> None:
     by_name = {motion.name: motion for motion in WHOLE}
-    for motion in (*suite("firm", 4, rng=3), *suite(("soft", "medium"), 6, rng=3)):
+    for motion in (*mr.motions.suite("firm", 4, rng=3), *mr.motions.suite(("soft", "medium"), 6, rng=3)):
         assert np.array_equal(motion.acceleration, by_name[motion.name].acceleration)
 
 
 @pytest.mark.parametrize("motion", WHOLE, ids=lambda motion: motion.name)
-def test_a_motion_of_a_suite_is_plausible(motion: GroundMotion) -> None:
+def test_a_motion_of_a_suite_is_plausible(motion: mr.GroundMotion) -> None:
     # At rest before and after, up to the rounding of the integrals.
     assert motion.velocity[-1] == pytest.approx(0.0, abs=1e-12)
     assert motion.displacement[-1] == pytest.approx(0.0, abs=1e-11)
@@ -73,7 +64,7 @@ def test_a_motion_of_a_suite_is_plausible(motion: GroundMotion) -> None:
 
 
 def test_a_softer_soil_moves_more_slowly_and_a_pulse_is_fast() -> None:
-    motions = (*suite(n=48, rng=8), *suite("rock", 16, rng=8))
+    motions = (*mr.motions.suite(n=48, rng=8), *mr.motions.suite("rock", 16, rng=8))
 
     def mean_velocity(group: str) -> float:
         found = [np.abs(each.velocity).max() / each.peak for each in motions if group in each.groups]
@@ -89,14 +80,16 @@ def test_a_softer_soil_moves_more_slowly_and_a_pulse_is_fast() -> None:
 
 
 def test_the_suite_scales_to_a_peak_and_prefixes_names() -> None:
-    (motion,) = suite("medium", 1, rng=0, peak=2.0, name="Training")
+    (motion,) = mr.motions.suite("medium", 1, rng=0, peak=2.0, name="Training")
     assert motion.peak == pytest.approx(2.0, rel=1e-12)
     assert motion.name == "Training, medium 1"
 
 
 def test_the_velocity_of_a_near_fault_pulse_is_its_formula() -> None:
     period, cycles, phase, amplitude = 2.0, 1.7, 0.6, 0.8
-    pulse = near_fault_pulse(amplitude=amplitude, period=period, cycles=cycles, phase=phase, dt=0.001)
+    pulse = mr.motions.near_fault_pulse(
+        amplitude=amplitude, period=period, cycles=cycles, phase=phase, dt=0.001
+    )
     t = pulse.time - 0.5 * pulse.duration
     w = 2.0 * np.pi / period
     wanted = 0.5 * amplitude * (1.0 + np.cos(w * t / cycles)) * np.cos(w * t + phase)
@@ -106,7 +99,7 @@ def test_the_velocity_of_a_near_fault_pulse_is_its_formula() -> None:
 
 
 def test_the_energy_of_a_gamma_envelope_has_its_duration() -> None:
-    envelope = GammaEnvelope(significant_duration=12.0, shape=4.0)
+    envelope = mr.motions.GammaEnvelope(significant_duration=12.0, shape=4.0)
     time = np.arange(0.0, 80.0, 1e-3)
     share = np.cumsum(envelope.at(time) ** 2)
     first, half, last = 1e-3 * np.searchsorted(share / share[-1], [0.05, 0.5, 0.95])
@@ -116,7 +109,7 @@ def test_the_energy_of_a_gamma_envelope_has_its_duration() -> None:
 
 
 def test_a_motion_is_brought_to_rest_by_a_slow_correction() -> None:
-    moved = sine(amplitude=1.0, frequency=1.0, cycles=10.25)
+    moved = mr.motions.sine(amplitude=1.0, frequency=1.0, cycles=10.25)
     rest = brought_to_rest(moved)
     assert abs(moved.velocity[-1]) > 0.1
     assert rest.velocity[-1] == pytest.approx(0.0, abs=1e-12)
@@ -129,16 +122,16 @@ def test_a_motion_is_brought_to_rest_by_a_slow_correction() -> None:
 def test_a_copy_is_found_whatever_was_done_to_it() -> None:
     for motion in (WHOLE[0], WHOLE[13], WHOLE[23]):
         for copy in (
-            scaled(motion, -0.2),
-            trimmed(motion, start=2.0, end=0.8 * motion.duration),
-            baseline_corrected(motion, order=3),
-            resampled(motion, 0.005),
-            time_scaled(motion, 0.2),
+            mr.motions.scaled(motion, -0.2),
+            mr.motions.trimmed(motion, start=2.0, end=0.8 * motion.duration),
+            mr.motions.baseline_corrected(motion, order=3),
+            mr.motions.resampled(motion, 0.005),
+            mr.motions.time_scaled(motion, 0.2),
         ):
             assert is_copy(motion, copy), copy.changes
             assert is_copy(copy, motion), copy.changes
 
 
 def test_different_motions_of_a_suite_are_no_copies() -> None:
-    others = suite(n=24, rng=4)
+    others = mr.motions.suite(n=24, rng=4)
     assert not any(is_copy(one, other) for one in WHOLE[::3] for other in others)

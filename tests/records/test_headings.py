@@ -21,24 +21,7 @@ from mrwork.records import DamperTest, ListedTest, guess_tests, read_damper_test
 from mrwork.records.columns import parse_column_option
 from mrwork.records.rig_table import UNKNOWN
 
-POUND = 4.4482216152605
 CONSTANT = np.ones_like(TIME)
-
-
-@pytest.mark.parametrize(
-    ("heading", "newtons"),
-    [
-        ("Load (lbs)", POUND),
-        ("Load [lb]", POUND),
-        ("load_Lbf", POUND),
-        ("Load (kips)", 1e3 * POUND),
-        ("load_kip", 1e3 * POUND),
-        ("Load [tf]", 9806.65),
-    ],
-)
-def test_pounds_kips_and_tonnes_of_force_are_known(tmp_path: Path, heading: str, newtons: float) -> None:
-    columns = {"Time (s)": TIME, "Stroke (mm)": MM, heading: NEWTON / newtons}
-    assert_is_the_test(read_damper_test(write_table(tmp_path / "rig.txt", columns)))
 
 
 @pytest.mark.parametrize(("mark", "delimiter"), [('"', ","), ('"', "\t"), ("\N{DOUBLE PRIME}", ";")])

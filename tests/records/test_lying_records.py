@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 from record_files import codes, message
 
 import mrwork as mr
-from mrwork.dampers import damper, damper_models
-from mrwork.errors import MrworkError
-from mrwork.records import DamperTest, read_damper_tests
 from mrwork.records.checks import clipped_samples, coarse_step
 
 DATA = measured_data.DATA / "dampers"
@@ -40,7 +37,7 @@ class Columns:
     velocity: Samples | None = None
     current: Samples | float | None = None
 
-    def test(self) -> DamperTest:
+    def test(self) -> mr.DamperTest:
         channels = {field.name: getattr(self, field.name) for field in fields(self)}
         return mr.test_from_arrays(name="record", **channels)
 
@@ -48,7 +45,7 @@ class Columns:
         """The remarks that tell of a lie, or a refusal."""
         try:
             return set(codes(self.test()))
-        except MrworkError:
+        except mr.MrworkError:
             return {"refused"}
 
     def both(self, change: Callable[[Samples], Samples]) -> Columns:
@@ -111,7 +108,7 @@ def driven(model: str, motion: str) -> tuple[Samples, Samples, Samples]:
     time = np.arange(8 * FINE + 1) / FINE
     x = 0.01 * MOTIONS[motion](time)
     loading = mr.Loading(dt=1.0 / FINE, displacement=x, velocity=np.gradient(x, 1.0 / FINE))
-    return time, x, mr.simulate_force(damper(model), damper(model).nominal, loading)
+    return time, x, mr.simulate_force(mr.damper(model), mr.damper(model).nominal, loading)
 
 
 def honest(
@@ -233,14 +230,14 @@ def test_honest_records_of_every_motion_have_no_remark_of_a_lie(model: str) -> N
 
 
 def test_every_model_is_honest_in_a_sine() -> None:
-    told = {spec.name: honest(spec.name, "sine").says() & TELLING for spec in damper_models()}
+    told = {spec.name: honest(spec.name, "sine").says() & TELLING for spec in mr.damper_models()}
     assert {name: found for name, found in told.items() if found} == {}
 
 
 @pytest.mark.long
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"measured damper records are not at {DATA} (set MRWORK_DATA)")
 def test_measured_records_have_no_remark_of_a_lie() -> None:
-    tests = read_damper_tests([DATA / "utfsm", DATA / "labcontrol"])
+    tests = mr.read_damper_tests([DATA / "utfsm", DATA / "labcontrol"])
     assert {test.name: found for test in tests if (found := TELLING & set(codes(test)))} == {}
 
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from record_files import codes
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.dampers.simulation import simulate_force
 from mrwork.records import DamperTest
 from mrwork.records.checks import breakaway_remark, clipped_samples, detect_smoothing, static_force
 from mrwork.records.cycles import delay_remark, drift_remark, mass_remark
@@ -41,18 +42,15 @@ def simulated(
     spec = damper(model)
     dt = 1.0 / (500.0 * frequency)
     time = dt * np.arange(round(cycles / frequency / dt))
-    omega = 2.0 * np.pi * frequency
-    displacement = amplitude * np.sin(omega * time)
-    velocity = amplitude * omega * np.cos(omega * time)
-    exact = simulate_force(spec, spec.nominal, Loading(dt=dt, displacement=displacement, velocity=velocity))
-    noise = np.random.default_rng(rng)
-    force = scale * exact
+    loading, noise = harmonic(time, (amplitude, frequency)), np.random.default_rng(rng)
+    exact = simulate_force(spec, spec.nominal, loading)
+    speed = 2.0 * np.pi * frequency * amplitude
     return mr.test_from_arrays(
         name=model,
         time=time,
-        displacement=displacement + 3e-4 * amplitude * noise.standard_normal(time.size),
-        velocity=velocity + 3e-3 * amplitude * omega * noise.standard_normal(time.size),
-        force=force + 3e-3 * np.std(exact) * noise.standard_normal(time.size),
+        displacement=loading.displacement + 3e-4 * amplitude * noise.standard_normal(time.size),
+        velocity=loading.velocity + 3e-3 * speed * noise.standard_normal(time.size),
+        force=scale * exact + 3e-3 * np.std(exact) * noise.standard_normal(time.size),
     )
 
 

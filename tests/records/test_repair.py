@@ -13,9 +13,6 @@ from mrwork.records import DamperTest, repair
 from mrwork.records.reading import synthetic_test
 from mrwork.records.repairs import REPAIR_KINDS
 
-# Its noise has a standard deviation of 8 N.
-NOISE_N = 8.0
-
 
 @pytest.fixture
 def clean() -> DamperTest:

@@ -14,14 +14,6 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.identification.fit_file import read_fit, reopen
-from mrwork.records import (
-    ListedTest,
-    guess_tests,
-    read_damper_test,
-    read_damper_tests,
-    read_test_table,
-    write_test_table,
-)
 from mrwork.records.columns import parse_column_option
 from mrwork.records.rig_table import listed_tests
 
@@ -58,7 +50,7 @@ FULL = (
 
 def test_a_table_gives_columns_units_and_commands_and_selects_by_use(rig: Path) -> None:
     path = table(rig, *FULL)
-    tests = read_damper_tests(path)
+    tests = mr.read_damper_tests(path)
     assert [(test.name, test.current) for test in tests] == [
         ("10mm2Hz0x5A", 0.5),
         ("run_7_500mA", 1.5),
@@ -67,7 +59,7 @@ def test_a_table_gives_columns_units_and_commands_and_selects_by_use(rig: Path) 
     for test in tests:
         np.testing.assert_array_equal(test.force, clean_columns()["force_n"])
     for use, name in (("fit", "10mm2Hz0x5A"), ("calibration", "run_7_500mA"), ("test", "z")):
-        (test,) = read_damper_tests(rig, use=use)  # type: ignore[arg-type] # the folder stands for its table
+        (test,) = mr.read_damper_tests(rig, use=use)  # type: ignore[arg-type] # the folder stands for its table
         assert test.name == name
 
 
@@ -76,7 +68,7 @@ def test_a_table_may_come_from_a_spreadsheet(rig: Path, delimiter: str) -> None:
     path = table(rig, *FULL)
     text = path.read_text().replace(",", delimiter).replace("0.2 A", "0,2 A")
     path.write_bytes(("\N{ZERO WIDTH NO-BREAK SPACE}" + text.replace("\n", delimiter + "\r\n")).encode())
-    assert [test.current for test in read_damper_tests(path)] == [0.5, 1.5, 0.2]
+    assert [test.current for test in mr.read_damper_tests(path)] == [0.5, 1.5, 0.2]
 
 
 def test_a_command_is_a_number_or_a_column_and_goes_before_those_of_the_record(tmp_path: Path) -> None:
@@ -84,11 +76,11 @@ def test_a_command_is_a_number_or_a_column_and_goes_before_those_of_the_record(t
     columns["current_a"] = np.full(columns["t_s"].size, 0.5)
     columns["drive"] = np.full(columns["t_s"].size, 700.0)
     path = write_text(tmp_path / "rig.csv", columns)
-    assert read_damper_test(path).current == 0.5
-    assert read_damper_test(path, columns={"command": "drive:mA"}).current == pytest.approx(0.7)
+    assert mr.read_damper_test(path).current == 0.5
+    assert mr.read_damper_test(path, columns={"command": "drive:mA"}).current == pytest.approx(0.7)
     columns["Amplifier, V"] = columns.pop("drive")
     path = write_text(tmp_path / "rig.csv", columns, ";")
-    assert read_damper_test(path, columns={"command": "Amplifier, V"}).voltage == 700.0
+    assert mr.read_damper_test(path, columns={"command": "Amplifier, V"}).voltage == 700.0
     assert parse_column_option("command=0.5A") == ("command", "0.5A")
 
 
@@ -102,7 +94,7 @@ def test_a_command_is_a_number_or_a_column_and_goes_before_those_of_the_record(t
     ],
 )
 def test_a_wrong_command_is_refused(rig: Path, text: str, word: str) -> None:
-    refusal(read_damper_test, rig / "10mm2Hz0x5A.csv", columns={"command": text}, match=word)
+    refusal(mr.read_damper_test, rig / "10mm2Hz0x5A.csv", columns={"command": text}, match=word)
 
 
 def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
@@ -124,34 +116,34 @@ def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
     ],
 )
 def test_a_wrong_table_is_refused_by_its_line(tmp_path: Path, lines: tuple[str, ...], word: str) -> None:
-    refusal(read_damper_tests, table(tmp_path, *lines), match=word)
+    refusal(mr.read_damper_tests, table(tmp_path, *lines), match=word)
 
 
 def test_a_wrong_header_of_a_table_is_refused(tmp_path: Path) -> None:
     wrong = table(tmp_path, "a.csv,fit,x", header="file,use,colour")
-    refusal(read_damper_tests, wrong, match="line 1: .*'colour'")
+    refusal(mr.read_damper_tests, wrong, match="line 1: .*'colour'")
 
 
 def test_a_folder_with_no_record_and_a_use_with_no_test_are_refused(
     rig: Path, tmp_path: Path, refused: Refused
 ) -> None:
     (tmp_path / "empty").mkdir()
-    refused(read_damper_tests, tmp_path / "empty")
+    refused(mr.read_damper_tests, tmp_path / "empty")
     table(rig, *FULL[:1])
-    refused(read_damper_tests, rig, use="calibration")
+    refused(mr.read_damper_tests, rig, use="calibration")
 
 
 def test_a_pattern_that_takes_in_table_and_records_is_refused(rig: Path) -> None:
     table(rig, *FULL)
-    refusal(read_damper_tests, str(rig / "*.csv"), match="is given 2 times; give its table of tests")
+    refusal(mr.read_damper_tests, str(rig / "*.csv"), match="is given 2 times; give its table of tests")
 
 
 def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:
     (rig / "broken.csv").write_bytes(bytes(range(256)))
-    named, loose, unknown, broken = guess_tests(
+    named, loose, unknown, broken = mr.records.guess_tests(
         [rig / name for name in ("10mm2Hz0x5A.csv", "run_7_500mA.csv", "z.csv", "broken.csv")]
     )
-    assert named == ListedTest(
+    assert named == mr.records.ListedTest(
         file=str(rig / "10mm2Hz0x5A.csv"),
         use="fit",
         columns={
@@ -172,12 +164,12 @@ def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:
 
 
 def test_a_guess_is_written_once_and_read_back(rig: Path) -> None:
-    rows = guess_tests([rig / "10mm2Hz0x5A.csv"])
+    rows = mr.records.guess_tests([rig / "10mm2Hz0x5A.csv"])
     path = rig / "tests.csv"
-    write_test_table(path, rows)
-    assert read_test_table(path) == rows
+    mr.records.write_test_table(path, rows)
+    assert mr.records.read_test_table(path) == rows
     assert "10mm2Hz0x5A.csv,fit" in path.read_text()
-    refusal(write_test_table, path, rows, match="there already")
+    refusal(mr.records.write_test_table, path, rows, match="there already")
 
 
 def test_a_name_with_delimiters_survives_the_table(tmp_path: Path) -> None:
@@ -186,8 +178,8 @@ def test_a_name_with_delimiters_survives_the_table(tmp_path: Path) -> None:
     del odd["displacement_m"]
     path = tmp_path / "a; b, c.csv"
     write_text(path, odd, "\t")
-    write_test_table(tmp_path / "tests.csv", guess_tests([path]))
-    (test,) = read_damper_tests(tmp_path)
+    mr.records.write_test_table(tmp_path / "tests.csv", mr.records.guess_tests([path]))
+    (test,) = mr.read_damper_tests(tmp_path)
     np.testing.assert_array_equal(test.displacement, columns["displacement_m"])
 
 
@@ -239,4 +231,4 @@ def test_an_empty_name_is_not_the_current_folder(
     rig: Path, monkeypatch: pytest.MonkeyPatch, paths: str | list[str]
 ) -> None:
     monkeypatch.chdir(rig)
-    refusal(read_damper_tests, paths, match="no file matches|no record given")
+    refusal(mr.read_damper_tests, paths, match="no file matches|no record given")

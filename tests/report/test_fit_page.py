@@ -23,11 +23,8 @@ from report_samples import fit, prediction
 from run_folders import write_fit
 
 import mrwork as mr
-from mrwork import StoredRun, identify
 from mrwork.base.remark import RemarkKind
 from mrwork.identification.residual import ObservedTest
-from mrwork.records import cut
-from mrwork.records.reading import synthetic_test
 from mrwork.report import html
 from mrwork.report.fit.agreement import amplitude_section
 from mrwork.report.fit.figures import common_unit
@@ -38,7 +35,6 @@ from mrwork.report.section import Section
 from mrwork.store.codec import built, json_document
 from mrwork.store.run_folder import PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
-from mrwork.uncertainty import Prediction
 from mrwork.uncertainty.bands.band import BandScore
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
@@ -87,9 +83,9 @@ class Page(HTMLParser):
         return " ".join(text for path, text in self.texts if tag in path)
 
 
-def page_of(*predictions: Prediction, **changes: object) -> html.Page:
+def page_of(*predictions: mr.Prediction, **changes: object) -> html.Page:
     described = replace(fit(*predictions), **changes)  # type: ignore[arg-type] # settings of several kinds by name
-    return fit_page(StoredRun(place=Path(), fit=described), predictions)
+    return fit_page(mr.StoredRun(place=Path(), fit=described), predictions)
 
 
 @pytest.fixture(scope="module")
@@ -265,25 +261,6 @@ def test_every_verb_adds_its_section_and_a_page_written_again_is_the_same(plain:
     assert [each.numbers["done"] for each in heard] == list(range(int(heard[0].numbers["total"])))
 
 
-def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
-    run = mr.load(plain)
-    ends = np.array(run.fit.trace.ends)
-    assert ends.size >= 8
-    assert np.all(np.diff(ends) >= 0.0)
-    assert ends[0] == pytest.approx(run.fit.trace.best[-1])
-    assert [run.draws, run.profiles, run.calibration, run.plan, run.ranking] == [None] * 5
-    run = mr.load(whole)
-    names = {each.name for each in run.fit.estimates}
-    assert run.draws is not None
-    assert run.draws.theta.shape[1] == len(names)
-    assert run.profiles is not None
-    assert {profile.name for profile in run.profiles.profiles} <= names
-    assert run.calibration is not None
-    assert len(run.calibration.tests) == len(LEFT_OUT)
-    assert run.plan is not None
-    assert all(repr(each).count("\n") < 30 for each in (run, run.draws, run.bands, run.profiles, run.plan))
-
-
 def test_coverage_is_printed_beside_the_band_as_it_was_measured(whole: Path) -> None:
     page = Page((whole / "report.html").read_text())
     shown = page.text_in("figcaption").replace("\N{NO-BREAK SPACE}", " ")
@@ -292,7 +269,7 @@ def test_coverage_is_printed_beside_the_band_as_it_was_measured(whole: Path) -> 
         assert f"Inside the 90 % band: {100 * row['samples']['coverage']:.1f} % of the samples" in shown
 
 
-def worse(number: int) -> Prediction:
+def worse(number: int) -> mr.Prediction:
     """A test whose model misses more with its number."""
     made = prediction(f"test{number}", n_time=400, remarks=(DRIFT,))
     model = (1.0 - 0.1 * number) * made.model_force
@@ -306,7 +283,7 @@ DRIFT = RemarkKind("drift", "the force drifts by 3 %", "cool it").remark()
 def test_of_many_tests_the_best_the_median_and_the_worst_are_drawn_in_full() -> None:
     # Best fit first, so that the second to last is not the worst.
     shown = [worse(number) for number in (3, 0, 4, 1, 2)]
-    run = StoredRun(place=Path(), fit=fit(*shown))
+    run = mr.StoredRun(place=Path(), fit=fit(*shown))
     heard: list[mr.Progress] = []
     with blank():
         page = Page(fit_page(run, shown, on_progress=heard.append))
@@ -338,10 +315,12 @@ def test_a_fit_without_local_minimisations_has_no_waterfall() -> None:
 @pytest.mark.contract
 def test_predictions_come_back_as_they_were_but_for_rounding(tmp_path: Path) -> None:
     made = prediction(n_time=400)
-    content = predictions_content([made])
+    switched = replace(made, test=replace(made.test, name="switched", current=np.arange(400) % 2.0))
+    content = predictions_content([made, switched])
     place = write_fit(tmp_path / "run", fit(made))
     add_to_run(place, {PREDICTIONS: content})
-    (read,) = read_predictions(RunFolder.open(place))
+    read, varied = read_predictions(RunFolder.open(place))
+    np.testing.assert_array_equal(varied.test.current, switched.test.current)
     assert (read.test.name, read.test.dt, read.test.current) == (made.test.name, made.test.dt, 0.5)
     np.testing.assert_allclose(read.model_force, made.model_force, rtol=1e-6, atol=1e-4)
     np.testing.assert_allclose(read.test.force, made.test.force, rtol=1e-6)
@@ -391,8 +370,8 @@ def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPat
         return predicted(observed, *arguments, **settings)
 
     monkeypatch.setattr(ObservedTest, "predict_force", counted)
-    tests = [cut(synthetic_test(name), every=8) for name in ("spencer1997", "spencer1997_fast")]
-    found = identify("bingham", tests)
+    tests = [mr.records.cut(mr.synthetic_test(name), every=8) for name in ("spencer1997", "spencer1997_fast")]
+    found = mr.identify("bingham", tests)
     shown = predictions_of(found, tests)
     assert runs == [test.name for test in tests]
     # Read from its file, a fit has no forces: they are simulated then, to the same bits.
@@ -402,7 +381,7 @@ def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPat
         np.testing.assert_array_equal(one.model_force, other.model_force)
 
 
-def with_error(amplitude: float, error: np.ndarray | float) -> Prediction:
+def with_error(amplitude: float, error: np.ndarray | float) -> mr.Prediction:
     """A test of this amplitude [m] whose model is off by this force [N]."""
     found = report_samples.prediction(f"{1e3 * amplitude:g} mm", amplitude=amplitude)
     return replace(found, model_force=found.test.force - error)

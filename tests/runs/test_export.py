@@ -18,37 +18,31 @@ from quarter_car import CAR, ROAD
 from record_files import clean_columns, write_text
 from refusals import refusal
 from scipy.io import loadmat
+from sinusoidal_tests import driven_test, harmonic
 from study_samples import results
 
 import mrwork as mr
-from mrwork.dampers import OpenSeesBoucWen
-from mrwork.errors import MrworkWarning
-from mrwork.identification import Fit
+from mrwork import Fit
 from mrwork.runs.export import matlab_names
 
 MODEL = "normalised_bouc_wen"
-KNOWN = {"c": 2000.0, "k": 2500.0, "x0": 0.03, "k_w": 500.0, "rho": 8000.0, "sigma": 0.6, "n": 2.0}
+LAWFUL = mr.damper(MODEL).with_current_laws({"k_w": "linear", "c": "linear"}, unit="A")
+KNOWN = {"k": 2500.0, "x0": 0.03, "rho": 8000.0, "sigma": 0.6, "n": 2.0}
+GROWING = {"k_w.0": 200.0, "k_w.1": 600.0, "c.0": 1000.0, "c.1": 2000.0}
 MODEL_NAMES = mr.damper(MODEL).names
-HELD = {name: (KNOWN[name], KNOWN[name]) for name in ("k", "x0", "rho", "sigma", "n")}
+HELD = {name: (value, value) for name, value in KNOWN.items()}
 
 
 def measured(command: float) -> mr.DamperTest:
     """A harmonic test of the known damper; its force grows with the command."""
-    time = np.arange(0.0, 2.0, 0.002)
-    x, v = 0.01 * np.sin(2.0 * np.pi * time), 0.02 * np.pi * np.cos(2.0 * np.pi * time)
-    theta = list((KNOWN | {"k_w": 200.0 + 600.0 * command, "c": 1000.0 + 2000.0 * command}).values())
-    loading = mr.Loading(dt=0.002, displacement=x, velocity=v)
-    force = mr.simulate_force(mr.damper(MODEL), theta, loading)
-    force = force + np.random.default_rng(1).standard_normal(force.size)
-    return mr.test_from_arrays(
-        name=f"{command:g} A", time=time, displacement=x, velocity=v, force=force, current=command
-    )
+    theta = [(KNOWN | GROWING)[name] for name in LAWFUL.names]
+    shape = {"dt": 2e-3, "n_time": 1000, "noise_n": 1.0, "rng": 1}
+    return driven_test(LAWFUL, theta, (0.01, 1.0), **shape, command=command)
 
 
 @pytest.fixture(scope="module")
 def fit() -> Fit:
-    spec = mr.damper(MODEL).with_current_laws({"k_w": "linear", "c": "linear"}, unit="A")
-    return mr.identify(spec, [measured(0.0), measured(0.5), measured(1.0)], bounds=HELD, threads=1)
+    return mr.identify(LAWFUL, [measured(0.0), measured(0.5), measured(1.0)], bounds=HELD, threads=1)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +104,7 @@ def test_a_folder_whose_tests_have_gone_is_exported_without_them(run: Path, tmp_
     record = run.parent / "10mm2Hz.csv"
     record.rename(tmp_path / record.name)
     try:
-        with pytest.warns(MrworkWarning, match=r"no tests.*10mm2Hz\.csv"):
+        with pytest.warns(mr.errors.MrworkWarning, match=r"no tests.*10mm2Hz\.csv"):
             found = read_back(mr.export(run, "mat", tmp_path / "run.mat"))
     finally:
         (tmp_path / record.name).rename(record)
@@ -157,16 +151,10 @@ def test_the_force_table_is_the_force_of_the_model_in_the_middle_of_the_stroke(
     assert fit.tested is not None
     for row in (rows[0], rows[-1], rows[len(rows) // 2 + 3]):
         command, velocity, force, amplitude, frequency = map(float, row.values())
+        assert abs(velocity) == pytest.approx(2.0 * np.pi * frequency * amplitude)
         assert abs(velocity) <= fit.tested.velocity * (1.0 + 1e-12)
         time = np.arange(0.0, 2.75 / frequency, 1e-3 / frequency)
-        phase = 2.0 * np.pi * frequency * time
-        motion = mr.Loading(
-            dt=time[1],
-            displacement=amplitude * np.sin(phase),
-            velocity=abs(velocity) * np.cos(phase),
-            command=command,
-            command_unit="A",
-        )
+        motion = harmonic(time, (amplitude, frequency), command)
         history = mr.simulate_force(fit.spec, fit.theta, motion)
         assert force == pytest.approx(history[2000 if velocity > 0.0 else 2500], rel=1e-4)
 
@@ -234,7 +222,7 @@ def test_the_exported_damper_keeps_the_stated_error_in_opensees(
         command_unit="A",
     )
     ours = mr.simulate_force(fit.spec, fit.theta, loading)[::finer]
-    theirs = force_in_opensees(OpenSeesBoucWen(**dict(zip(NAMES, numbers, strict=True))), x)
+    theirs = force_in_opensees(mr.dampers.OpenSeesBoucWen(**dict(zip(NAMES, numbers, strict=True))), x)
     theirs += c * v + k * (x + offset)
     assert numbers[1] == pytest.approx(500.0, rel=0.01)
     # Where the velocity jumps, the dashpot has two forces.

@@ -30,14 +30,6 @@ def folder(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.words
-def test_what_was_predicted_is_kept(folder: Path) -> None:
-    held_out = mr.load(folder / "one", mr.StoredRun).held_out
-    assert held_out is not None
-    assert [each.test.name for each in held_out.predictions] == ["synthetic spencer1997_slow"]
-    assert held_out.predictions[0].test.name == held_out.spread.worst_test
-
-
-@pytest.mark.words
 @pytest.mark.parametrize("name", ["one", "study", "tuned"])
 def test_every_folder_has_a_page_and_a_summary(folder: Path, name: str) -> None:
     place = folder / name

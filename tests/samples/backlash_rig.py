@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from sinusoidal_tests import harmonic
 
 import mrwork as mr
-from mrwork.dampers import damper
-from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.records import DamperTest
 
 DT = 2e-3
 PLAY = 1.5e-3
@@ -19,12 +17,12 @@ MOTIONS = ((0.038, 0.97), (0.025, 1.53), (0.013, 1.47), (0.004, 2.03), (0.002, 2
 
 def backlash_test(
     motion: tuple[float, float], *, noise: float = 6.0, cycles: int = 6, rng: int = 0
-) -> DamperTest:
+) -> mr.DamperTest:
     """A sinusoidal test of the rig with white noise of the force [N]."""
     amplitude, frequency = motion
     time = DT * np.arange(round(cycles / frequency / DT) + 1)
-    angle = 2.0 * np.pi * frequency * time
-    x, v = amplitude * np.sin(angle), 2.0 * np.pi * frequency * amplitude * np.cos(angle)
+    loading = harmonic(time, motion)
+    x, v = loading.displacement, loading.velocity
     scatter = np.random.default_rng(rng).standard_normal(time.size)
     return mr.test_from_arrays(
         name=f"{1e3 * amplitude:g} mm {frequency:g} Hz",
@@ -45,6 +43,6 @@ def force_behind_play(x: np.ndarray, v: np.ndarray) -> np.ndarray:
     fine = np.linspace(0.0, x.size - 1.0, finer * (x.size - 1) + 1)
     position, rate = (np.interp(fine, coarse, each) for each in (x, v))
     moved = np.sign(position) * np.maximum(np.abs(position) - PLAY, 0.0)
-    loading = Loading(dt=DT / finer, displacement=moved, velocity=np.where(moved == 0.0, 0.0, rate))
-    spec = damper("normalised_bouc_wen")
-    return simulate_force(spec, [ELEMENT[name] for name in spec.names], loading)[::finer]
+    loading = mr.Loading(dt=DT / finer, displacement=moved, velocity=np.where(moved == 0.0, 0.0, rate))
+    spec = mr.damper("normalised_bouc_wen")
+    return mr.simulate_force(spec, [ELEMENT[name] for name in spec.names], loading)[::finer]

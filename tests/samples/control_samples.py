@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
+import mrwork as mr
 from mrwork.buildings import Building
 from mrwork.control import Plant, plant_of
 
@@ -18,24 +19,6 @@ def frame(name: str, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarra
     )
 
 
-def three_storeys() -> Building:
-    """The frame of Dyke et al., Smart Mater. Struct. 5, 1996, 565-575."""
-    return frame(
-        "three storeys",
-        98.3 * np.eye(3),
-        np.array([[175.0, -50.0, 0.0], [-50.0, 100.0, -50.0], [0.0, -50.0, 50.0]]),
-        1e5 * np.array([[12.0, -6.84, 0.0], [-6.84, 13.7, -6.84], [0.0, -6.84, 6.84]]),
-    )
-
-
-def five_storeys() -> Building:
-    """Equal storeys of 1.448e6 N/m under 330 kg each, and a damping of stiffness and mass."""
-    mass = np.diag([337.0, 330.0, 330.0, 330.0, 330.0])
-    stiffness = 1.448e6 * (2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1))
-    stiffness[4, 4] = 1.448e6
-    return frame("five storeys", mass, 0.309478 * mass + 1.89972e-4 * stiffness, stiffness)
-
-
 def shear_frame(n_storeys: int) -> Building:
     """Equal storeys of 1000 t and 1 GN/m, about 2 % of damping in the lowest modes."""
     mass = 1e6 * np.eye(n_storeys)
@@ -47,7 +30,7 @@ def shear_frame(n_storeys: int) -> Building:
 
 def plant(n_devices: int = 1, building: Building | None = None) -> Plant:
     """Devices across the lowest storeys."""
-    building = building or three_storeys()
+    building = building or mr.building("dyke1996")
     return plant_of(building, building.storeys[:n_devices])
 
 

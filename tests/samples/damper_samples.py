@@ -7,11 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from mrwork.dampers import Box, damper_models
-from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.identification import search_box
+import mrwork as mr
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.records import DamperTest
 
 DT = 1e-3
 N_TIME = 801
@@ -23,7 +20,7 @@ TIME = DT * np.arange(N_TIME)
 def sine(*, amplitude=STROKE, frequency=2.5, n_time=N_TIME, dt=DT):
     """A sinusoid from mid-stroke, with its exact velocity; the default has 400 samples per cycle."""
     phase = 2.0 * np.pi * frequency * dt * np.arange(n_time)
-    return Loading(
+    return mr.Loading(
         dt=dt,
         displacement=amplitude * np.sin(phase),
         velocity=2.0 * np.pi * frequency * amplitude * np.cos(phase),
@@ -34,7 +31,7 @@ def sweep():
     """1 to 12 Hz at falling amplitude; the velocity is the derivative of the displacement's spline."""
     start, end = 1.0, 12.0
     phase = 2.0 * np.pi * (start * TIME + (end - start) / (2.0 * DURATION) * TIME**2)
-    return Loading(dt=DT, displacement=STROKE / (1.0 + 4.0 * TIME / DURATION) * np.sin(phase))
+    return mr.Loading(dt=DT, displacement=STROKE / (1.0 + 4.0 * TIME / DURATION) * np.sin(phase))
 
 
 def noise():
@@ -43,7 +40,7 @@ def noise():
     frequency = np.arange(1.0, 12.0, 0.7)[:, None]
     waves = np.sin(2.0 * np.pi * (frequency * TIME + rng.random(frequency.shape))) / frequency
     shape = waves.sum(axis=0) * np.sin(0.5 * np.pi * np.minimum(TIME / 0.1, 1.0)) ** 2
-    return Loading(dt=DT, displacement=STROKE * shape / np.max(np.abs(shape)))
+    return mr.Loading(dt=DT, displacement=STROKE * shape / np.max(np.abs(shape)))
 
 
 MOTIONS = {"sine": sine, "sweep": sweep, "noise": noise}
@@ -52,7 +49,7 @@ MOTIONS = {"sine": sine, "sweep": sweep, "noise": noise}
 def noise_free_test(spec, loading):
     """Record of the nominal damper on a rig without noise."""
     velocity = np.gradient(loading.displacement, loading.dt) if loading.velocity is None else loading.velocity
-    return DamperTest(
+    return mr.DamperTest(
         name=f"{spec.name} without noise",
         path="memory",
         sha256="0" * 64,
@@ -60,7 +57,7 @@ def noise_free_test(spec, loading):
         start_time=0.0,
         displacement=loading.displacement,
         velocity=velocity,
-        force=simulate_force(spec, spec.nominal, replace(loading, velocity=velocity)),
+        force=mr.simulate_force(spec, spec.nominal, replace(loading, velocity=velocity)),
         velocity_source="measured",
         synthetic=True,
     )
@@ -68,9 +65,9 @@ def noise_free_test(spec, loading):
 
 @cache
 def _scaled_box(name):
-    spec = next(spec for spec in damper_models() if spec.name == name)
-    bounds = Box.of(spec)
-    box = search_box(spec, bounds, (noise_free_test(spec, sine()),))
+    spec = next(spec for spec in mr.damper_models() if spec.name == name)
+    bounds = mr.Box.of(spec)
+    box = mr.identification.search_box(spec, bounds, (noise_free_test(spec, sine()),))
     narrowed = {}
     for index, parameter in enumerate(spec.parameters):
         admissible = (bounds.lower[index], bounds.upper[index])

@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from scipy.signal import lsim
 
 import mrwork as mr
-from mrwork import Device
-from mrwork.buildings import Building, building
-from mrwork.closed_loop import History, Responses
-from mrwork.control import (
-    ControlLaw,
-    DesignProblem,
-    LoopModel,
-    Plant,
-    control_law,
-    lyapunov_function,
-    optimal_surface,
-    plant_of,
-    regulator_of_state,
-)
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.laws.sliding import SlidingSettings
-from mrwork.dampers import DamperSpec
 from mrwork.dampers.spec import with_changed_laws
-from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -34,13 +20,13 @@ LARGEST = 1.88
 LAG = 190.0
 
 
-def five_storeys() -> Building:
+def five_storeys() -> mr.Building:
     """The five storeys of UTS."""
-    return building("uts")
+    return mr.building("uts")
 
 
 @cache
-def rd1005(*, lagged: bool = True) -> tuple[DamperSpec, Floats]:
+def rd1005(*, lagged: bool = True) -> tuple[mr.DamperSpec, Floats]:
     """The static model of an RD-1005-3 by its published set, behind the lag of its driver."""
     preset = mr.damper("static_hysteretic").preset("kwok2006")
     spec = with_changed_laws(preset.spec, lagged=lagged)
@@ -48,7 +34,15 @@ def rd1005(*, lagged: bool = True) -> tuple[DamperSpec, Floats]:
 
 
 @cache
-def friction() -> tuple[DamperSpec, Floats]:
+def hysteretic() -> tuple[mr.DamperSpec, Floats]:
+    """A Bouc-Wen loop of 230 N that the command raises, behind a lag."""
+    spec = mr.damper("bouc_wen").with_current_laws({"alpha": "linear", "c0": "linear"}, lagged=True)
+    # c0 by the current, k0, x0, alpha by the current, gamma, beta, A, n, eta.
+    return spec, np.array([700.0, 900.0, 800.0, 0.0, 3e4, 4e4, 1e6, 1e6, 120.0, 2.0, LAG])
+
+
+@cache
+def friction() -> tuple[mr.DamperSpec, Floats]:
     """A smooth friction and a dashpot, both by the command: force and rate have one sign at every instant."""
     spec = mr.damper("bingham").with_current_laws({"f_c": "linear", "c0": "linear"}, lagged=True)
     # f_c and c0 by the current, v_s, f0, eta.
@@ -56,61 +50,107 @@ def friction() -> tuple[DamperSpec, Floats]:
 
 
 def devices(
-    model: tuple[DamperSpec, Floats], *, of: Building | None = None, second: bool = True
-) -> list[Device]:
+    model: tuple[mr.DamperSpec, Floats], *, of: mr.Building | None = None, second: bool = True
+) -> list[mr.Device]:
     """A differential pair across the lowest storey, and two dampers side by side across the next."""
     rows = (of or five_storeys()).storeys
     spec, theta = model
-    pair = Device(
+    pair = mr.Device(
         name="pair", spec=spec, theta=theta, row=rows[0], largest_command=LARGEST, differential=True
     )
     return [pair, replace(pair, name="two", row=rows[1], differential=False, count=2.0)][: 1 + second]
 
 
-def design_problem(**others: object) -> DesignProblem:
+def design_problem(**others: object) -> mr.control.DesignProblem:
     """The design of a law for the pair alone."""
     pair = devices(rd1005(), second=False)
-    return DesignProblem(building=five_storeys(), devices=pair, sample_time=1e-3, **others)
+    return mr.control.DesignProblem(building=five_storeys(), devices=pair, sample_time=1e-3, **others)
 
 
-def sweep(duration: float = 2.0, *, peak: float = 2.0, dt: float = 0.01) -> GroundMotion:
+def sweep(duration: float = 2.0, *, peak: float = 2.0, dt: float = 0.01) -> mr.GroundMotion:
     """A sinusoid that sweeps from 1 to 8 Hz, under a half sine: from rest to rest."""
     time = dt * np.arange(round(duration / dt) + 1)
     phase = 2.0 * np.pi * (1.0 + 3.5 * time / duration) * time
-    return GroundMotion(
+    return mr.GroundMotion(
         name="sweep", dt=dt, acceleration=peak * np.sin(np.pi * time / duration) * np.sin(phase)
     )
 
 
-def still(duration: float = 1.0) -> GroundMotion:
+def still(duration: float = 1.0) -> mr.GroundMotion:
     """No motion."""
-    return GroundMotion(name="still", dt=duration, acceleration=np.zeros(2))
+    return mr.GroundMotion(name="still", dt=duration, acceleration=np.zeros(2))
 
 
-def pushed(acceleration: float, duration: float) -> GroundMotion:
+def pushed(acceleration: float, duration: float) -> mr.GroundMotion:
     """A constant acceleration from the first instant."""
-    return GroundMotion(name="pushed", dt=duration, acceleration=np.full(2, acceleration))
+    return mr.GroundMotion(name="pushed", dt=duration, acceleration=np.full(2, acceleration))
 
 
-def at_samples(found: Responses) -> History:
+def at_samples(found: mr.Responses) -> mr.closed_loop.History:
     """The history of the first run at its control samples, without its end, where no command is computed."""
     numbers = {name: each[:-1] for name, each in found.histories[0].numbers.items()}
-    return History(time=found.histories[0].time[:-1], numbers=numbers)
+    return mr.closed_loop.History(time=found.histories[0].time[:-1], numbers=numbers)
+
+
+def nothing(building: mr.Building) -> tuple[list[mr.Device], mr.ControlLaw]:
+    """An actuator that is told to give no force."""
+    spec, theta = friction()
+    device = mr.Device(name="none", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    n = building.n_coordinates
+    return [device], mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * n))})
+
+
+def linear_states(
+    building: mr.Building, motion: mr.GroundMotion, time: Floats, dashpot: float = 0.0
+) -> Floats:
+    """State of a linear building by the exponential of its matrix under straight pieces, shape (n_time, 2n)."""
+    n, (A, _, E) = building.n_coordinates, building.state_matrices()
+    rows = building.storeys[:2]
+    A[n:, n:] -= dashpot * np.linalg.solve(building.mass, rows.T @ rows)
+    B = np.vstack([np.zeros((n, n)), np.linalg.solve(building.mass, building.floors.T)])
+    forces = motion.forces if np.size(motion.forces) else np.zeros((n, motion.n_time))
+    loads = np.column_stack([np.interp(time, motion.time, each) for each in (motion.acceleration, *forces)])
+    system = A, np.column_stack([E, B]), np.eye(2 * n), np.zeros((2 * n, n + 1))
+    return np.asarray(lsim(system, loads, time)[2])
+
+
+def under_a_sine(spec: mr.DamperSpec, theta: Sequence[float]) -> mr.Responses:
+    """One passive damper in the five storeys, with its history."""
+    building = five_storeys()
+    device = mr.Device(name="one", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    ground = 3.0 * np.sin(15.0 * np.arange(0.0, 2.0, 0.01))
+    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=ground)
+    law = mr.ControlLaw(name="passive", gains={"command": [[0.0]]})
+    return mr.simulate_loop(building, [device], law, [motion], histories=True)
+
+
+def run_of(
+    loop: list[mr.Device],
+    law: mr.ControlLaw | mr.closed_loop.UserLaw,
+    hardware: mr.Hardware | None = None,
+    motion: mr.GroundMotion | None = None,
+    building: mr.Building | None = None,
+) -> mr.closed_loop.History:
+    """What a run that has finished looks like at its control samples, in the five storeys unless others are given."""
+    of = building or five_storeys(), loop, law, [motion or sweep(1.0)], hardware
+    response = mr.simulate_loop(*of, histories=True)
+    assert response.outcome[0] == mr.dampers.Outcome.FINISHED
+    return at_samples(response)
 
 
 def named_in(gains: dict[str, Floats], *names: str) -> dict[str, Floats]:
     return {name: gains[name] for name in names}
 
 
-def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> ControlLaw:
+def law_with_gains(name: str, plant: mr.control.Plant, *, strength: float = 1.0) -> mr.ControlLaw:
     """A law of the registry with reasonable numbers for a building with these devices.
 
     What makes the law act more is multiplied by `strength`; what scales a signal is not.
     """
     each = np.ones(plant.n_devices)
-    K = strength * regulator_of_state(plant, plant.energy, 1e-6).gain
-    weight = strength * lyapunov_function(plant).vectors
-    surface = optimal_surface(plant)
+    K = strength * mr.control.regulator_of_state(plant, plant.energy, 1e-6).gain
+    weight = strength * mr.control.lyapunov_function(plant).vectors
+    surface = mr.control.optimal_surface(plant)
     sliding = SlidingSettings(peak_acceleration=2.0, largest_force=1500.0).gains(surface)
     slides = {name: strength * values for name, values in sliding.items()}
     slides |= {"surface": -strength * surface.S, "boundary": sliding["boundary"]}
@@ -164,23 +204,23 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
             "shears": np.array([0.0, 0.0, 1.0, 1.0]),
         },
     }
-    curve = rd1005() if control_law(name).needs_curve else None
-    model = believed(plant) if control_law(name).needs_model else None
-    return ControlLaw(name=name, gains=gains[name], tables=tables.get(name, {}), curve=curve, model=model)
+    curve = rd1005() if mr.control.control_law(name).needs_curve else None
+    model = believed(plant) if mr.control.control_law(name).needs_model else None
+    return mr.ControlLaw(name=name, gains=gains[name], tables=tables.get(name, {}), curve=curve, model=model)
 
 
-def believed(plant: Plant) -> LoopModel:
+def believed(plant: mr.control.Plant) -> mr.control.LoopModel:
     """The loop that a law believes in: stiffer than it is, with weaker dampers."""
     spec, theta = rd1005()
     of = plant.building
     weaker = np.array(theta)
     weaker[list(spec.names).index("c.0")] *= 0.85
     rows = plant.attachment
-    pair = Device(
+    pair = mr.Device(
         name="pair", spec=spec, theta=weaker, row=rows[0], largest_command=LARGEST, differential=True
     )
     two = [replace(pair, name="two", row=row, differential=False, count=2.0) for row in rows[1:]]
-    return LoopModel(building=replace(of, stiffness=1.05 * of.stiffness), devices=[pair, *two])
+    return mr.control.LoopModel(building=replace(of, stiffness=1.05 * of.stiffness), devices=[pair, *two])
 
 
 @cache
@@ -204,6 +244,6 @@ def _signal_network(n_devices: int) -> Floats:
     return networks
 
 
-def plant_with(loop: list[Device], of: Building | None = None) -> Plant:
+def plant_with(loop: list[mr.Device], of: mr.Building | None = None) -> mr.control.Plant:
     """The linear system on which laws for these devices are designed."""
-    return plant_of(of or five_storeys(), [device.row for device in loop])
+    return mr.control.plant_of(of or five_storeys(), [device.row for device in loop])

@@ -15,6 +15,7 @@ import study_samples
 from loop_samples import devices, five_storeys, rd1005
 from posterior_samples import MODEL, small_fit, small_test
 from run_folders import write_fit
+from sinusoidal_tests import driven_test, harmonic
 
 import mrwork as mr
 from mrwork.errors import MrworkWarning
@@ -41,14 +42,8 @@ def fit_with_laws() -> mr.Fit:
 
 def moved_test(spec: mr.DamperSpec, theta: list[float], command: float) -> mr.DamperTest:
     """Two cycles at a current."""
-    time = np.linspace(0.0, 1.0, 201)
-    x, v = 0.01 * np.sin(4.0 * np.pi * time), 0.04 * np.pi * np.cos(4.0 * np.pi * time)
-    loading = mr.Loading(dt=time[1], displacement=x, velocity=v, command=command, command_unit="A")
-    force = mr.simulate_force(spec, theta, loading)
-    force = force + 3.0 * np.random.default_rng(1).standard_normal(len(time))
-    return mr.test_from_arrays(
-        time, x, force, velocity=v, name=f"{command:g} A", command=command, command_unit="A"
-    )
+    shape = {"dt": 5e-3, "n_time": 201, "noise_n": 3.0, "rng": 1}
+    return driven_test(spec, theta, (0.01, 2.0), **shape, command=command)
 
 
 @cache
@@ -59,18 +54,22 @@ def switched_test() -> mr.DamperTest:
 
 
 @cache
+def other_test(frequency: float = 2.0, factor: float = 1.1) -> mr.DamperTest:
+    """A test at another frequency than that of the fit, of a damper that is stronger by a factor."""
+    time = 0.01 * np.arange(150)
+    loading = harmonic(time, (0.005, frequency))
+    force = factor * mr.simulate_force(mr.damper(MODEL), small_fit().theta, loading)
+    channels = {"displacement": loading.displacement, "velocity": loading.velocity, "force": force}
+    return mr.test_from_arrays(name=f"{frequency:g} Hz", time=time, **channels)
+
+
+@cache
 def predictions() -> tuple[mr.Prediction, ...]:
     """Of tests at other frequencies than that of the fit, with their commands."""
-    time = 0.01 * np.arange(150)
-    found = []
-    for number, frequency in enumerate((2.0, 3.0, 4.0)):
-        w = 2.0 * np.pi * frequency
-        channels = {"displacement": 0.005 * np.sin(w * time), "velocity": 0.005 * w * np.cos(w * time)}
-        force = mr.simulate_force(mr.damper(MODEL), small_fit().theta, mr.Loading(dt=0.01, **channels))
-        channels |= {"time": time, "force": (1.05 + 0.05 * number) * force}
-        test = mr.test_from_arrays(name=f"{frequency:g} Hz", **channels)
-        found.append(mr.predict(small_fit(), replace(test, current=float(number))))
-    return tuple(found)
+    tests = [other_test(2.0 + number, 1.05 + 0.05 * number) for number in range(3)]
+    return tuple(
+        mr.predict(small_fit(), replace(test, current=float(number))) for number, test in enumerate(tests)
+    )
 
 
 @cache
@@ -119,14 +118,16 @@ def run_with_laws() -> mr.StoredRun:
 
 
 @cache
-def responses() -> mr.Responses:
-    """Three candidates under two motions, with histories."""
+def responses(*draws: float) -> mr.Responses:
+    """Three candidates under two motions, with histories; each draw of the dampers is a share of their parameters."""
+    spec, theta = rd1005()
     frame = five_storeys()
+    pair = devices((spec, np.multiply.outer(draws, theta) if draws else theta), of=frame)
     law = mr.ControlLaw(name="passive", gains={"command": [[0.0, 0.0], [0.5, 1.0], [1.5, 1.0]]})
     motions = [
         mr.synthetic_motion(rng=seed, duration=1.0, peak=3.0, name=f"motion {seed}") for seed in (1, 2)
     ]
-    return mr.simulate_loop(frame, list(devices(rd1005(), of=frame)), law, motions, histories=True)
+    return mr.simulate_loop(frame, pair, law, motions, histories=True)
 
 
 def history() -> mr.closed_loop.History:

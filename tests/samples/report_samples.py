@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.remark import Remark
-from mrwork.identification import Fit
+import mrwork as mr
 from mrwork.identification.fit import (
     ErrorNorms,
     FitQuality,
@@ -17,10 +16,8 @@ from mrwork.identification.fit import (
     SearchTrace,
 )
 from mrwork.identification.interval import Verdict
-from mrwork.records import DamperTest
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion
-from mrwork.uncertainty import Prediction
 
 
 def prediction(
@@ -31,9 +28,9 @@ def prediction(
     amplitude: float = 0.01,
     peak_force: float = 900.0,
     synthetic: bool = False,
-    remarks: tuple[Remark, ...] = (),
+    remarks: tuple[mr.Remark, ...] = (),
     rng: int = 0,
-) -> Prediction:
+) -> mr.Prediction:
     """A 1 Hz test of a smooth hysteretic damper with 2 % noise, and the model without the noise."""
     dt = duration / n_time
     time = dt * np.arange(n_time)
@@ -42,7 +39,7 @@ def prediction(
     phase = 2 * np.pi * time + 0.35
     model = peak_force * (0.8 * np.tanh(4 * np.cos(phase)) + 0.2 * np.cos(2 * np.pi * time))
     noise = 0.02 * peak_force * np.random.default_rng(rng).normal(size=n_time)
-    test = DamperTest(
+    test = mr.DamperTest(
         name=name,
         path=f"rig/{name}.csv",
         sha256="0123456789abcdef" * 4,
@@ -58,10 +55,10 @@ def prediction(
         synthetic=synthetic,
         remarks=remarks,
     )
-    return Prediction(test=test, model_force=model)
+    return mr.Prediction(test=test, model_force=model)
 
 
-def quality(test: DamperTest, model_force: NDArray[np.float64]) -> FitQuality:
+def quality(test: mr.DamperTest, model_force: NDArray[np.float64]) -> FitQuality:
     """The numbers of a prediction, straight from their definitions."""
     residual = test.force - model_force
     rmse = float(np.sqrt(np.mean(residual**2)))
@@ -93,15 +90,15 @@ PARAMETERS: tuple[tuple[str, str, float, float | None, float, float, ParameterSt
 
 
 def fit(
-    *predictions: Prediction, status: FitStatus = "converged", stop_reason: str = "step below 1e-8"
-) -> Fit:
+    *predictions: mr.Prediction, status: FitStatus = "converged", stop_reason: str = "step below 1e-8"
+) -> mr.Fit:
     """A fit of eight parameters with every state."""
     qualities = tuple(quality(entry.test, entry.model_force) for entry in predictions)
     nrmse = float(np.mean([entry.nrmse for entry in qualities]))
     evaluations = np.arange(1, 41) * 64
     best = np.maximum(0.9 * np.exp(-evaluations / 500), 1.1 * nrmse)
     tests = [entry.test for entry in predictions]
-    return Fit(
+    return mr.Fit(
         model="normalised_bouc_wen",
         tested=range_of_tests(tests, None),
         motions=tuple(RecordedMotion.of(test) for test in tests),

@@ -12,29 +12,25 @@ import numpy as np
 import pytest
 from refusals import refusal
 
-from mrwork.buildings import read_building
-from mrwork.dampers import damper
+import mrwork as mr
 from mrwork.files.matrices import read_matrix
-from mrwork.motions import read_motion
-from mrwork.records import read_damper_test, read_test_table
 from mrwork.store.input_file import LEAST, TOML, Allowance, bytes_of, is_there, text_of
 from mrwork.store.members import _lines, members_of
-from mrwork.study import read_results, read_study
 from mrwork.uncertainty.candidate_tests import read_candidates
 
 ENTRANCES: dict[str, Callable[[Path], object]] = {
-    "rig.csv": read_damper_test,
-    "rig.mat": read_damper_test,
-    "rig.tdms": read_damper_test,
-    "rig.xlsx": read_damper_test,
-    "tests.csv": read_test_table,
-    "motion.at2": read_motion,
+    "rig.csv": mr.read_damper_test,
+    "rig.mat": mr.read_damper_test,
+    "rig.tdms": mr.read_damper_test,
+    "rig.xlsx": mr.read_damper_test,
+    "tests.csv": mr.records.read_test_table,
+    "motion.at2": mr.read_motion,
     "K.csv": read_matrix,
-    "frame.toml": read_building,
-    "frame.mat": read_building,
-    "study.toml": read_study,
-    "candidates.csv": lambda path: read_candidates(path, damper("bingham")),
-    "manifest.json": lambda path: read_results(path.parent),
+    "frame.toml": mr.buildings.read_building,
+    "frame.mat": mr.buildings.read_building,
+    "study.toml": mr.read_study,
+    "candidates.csv": lambda path: read_candidates(path, mr.damper("bingham")),
+    "manifest.json": lambda path: mr.study.read_results(path.parent),
 }
 
 

@@ -19,9 +19,6 @@ from mrwork.base.documents import read_table
 from mrwork.base.places import Place
 from mrwork.dampers import damper
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import MrworkWarning, RecordError, SettingError
-from mrwork.identification.fit import Fit
-from mrwork.study.comparison import compared
 from mrwork.study.dampers import chosen_damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
@@ -34,7 +31,7 @@ def identified(run: Path) -> FittedDamper:
         spec = damper("dahl").with_current_laws({"k_w": "log_linear:0,50"}, unit="%")
         return FittedDamper(spec=spec, theta=tuple(spec.nominal.tolist()), tested=None)
     if run.name not in ("run", "old"):
-        raise RecordError(f"{run} does not exist; give the run folder")
+        raise mr.errors.RecordError(f"{run} does not exist; give the run folder")
     preset = damper("bouc_wen").preset("jansen2000")
     return FittedDamper(spec=preset.spec, theta=preset.theta, tested=TESTED if run.name == "run" else None)
 
@@ -43,7 +40,7 @@ def chosen(text: str) -> mr.Device:
     document, lines = parse(f"storey = 1\n{text}", "study.toml")
     place = Place(origin="study.toml", lines=lines)
     table = read_table(DamperTable, document, place)
-    with place.prefix_errors(SettingError):
+    with place.prefix_errors(mr.errors.SettingError):
         return chosen_damper(table, Path("place"), identified)[0]
 
 
@@ -204,7 +201,7 @@ def test_groups_of_different_dampers_have_a_best_constant_command_each() -> None
     assert results.score(by_group).mean < results.score(share).mean
     assert results.rows[share].label.endswith(" %")
     # One share of all is the reference.
-    assert compared(results).passive == share
+    assert mr.study.compared(results).passive == share
     commands = results.quantities.peak_current[by_group, 0, 0]
     levels = np.array([1.5, 0.8]) / 20.0
     np.testing.assert_allclose(commands / levels, np.round(commands / levels), atol=1e-9)
@@ -376,7 +373,7 @@ def stated(model: mr.DamperSpec | str) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def fit() -> Fit:
+def fit() -> mr.Fit:
     """Of a damper of the user, from tests at three commands."""
     time = np.arange(0.0, 1.0, 0.005)
     truth = mr.damper("hyperbolic_tangent_guo").with_current_laws({"A1": "linear"})
@@ -415,9 +412,9 @@ def test_what_the_twin_lacks_is_refused_before_anything_runs() -> None:
 
 
 @pytest.mark.long
-def test_another_model_takes_its_place_and_says_how_close_it_is(fit: Fit, tmp_path: Path) -> None:
+def test_another_model_takes_its_place_and_says_how_close_it_is(fit: mr.Fit, tmp_path: Path) -> None:
     said = r"takes the place of my_guo in the study.* differs from it by (0|\S+e-\d+) %"
-    with pytest.warns(MrworkWarning, match=said):
+    with pytest.warns(mr.errors.MrworkWarning, match=said):
         placed = own_study({"run": fit, "like": "hyperbolic_tangent_guo"}, ["clipped_optimal"])
     assert placed.devices[0].spec.own is None
     assert placed.devices[0].tested == fit.tested

@@ -18,11 +18,8 @@ from mrwork.base.values import Floats
 from mrwork.control import design_weights
 from mrwork.control.laws.design_ground import damper_forces
 from mrwork.control.laws.law_problem import Magnitudes
-from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.dampers.spec import with_changed_laws
-from mrwork.dampers.tested_range import OperatingRange
-from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectral_density import mean_square_of, strong_part
 from mrwork.study.comparison import results_in_words
 from mrwork.tuning.space import space_of
@@ -80,7 +77,7 @@ def test_the_spectrum_of_a_record_is_a_key(tmp_path: Path) -> None:
     (tmp_path / "record.csv").write_text("\n".join(["time [s],acceleration [m/s2]", *lines]))
     wishes = "designed = { rms_drift = 0.004, budget = 900, record = 'record.csv' }"
     found = gain_of(read(tmp_path, f"{wishes}\ncontrol_weight = 1"))
-    spectrum = fitted_spectrum(mr.read_motion(tmp_path / "record.csv"))
+    spectrum = mr.motions.fitted_spectrum(mr.read_motion(tmp_path / "record.csv"))
     limits = {"rms_drift": 4e-3}
     expected = design_weights(FRAME, FRAME.storeys[:1], limits=limits, budget=900.0, spectrum=spectrum).gain
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
@@ -89,7 +86,7 @@ def test_the_spectrum_of_a_record_is_a_key(tmp_path: Path) -> None:
 def test_one_number_of_r_keeps_the_ratio_of_two_devices() -> None:
     problem = problem_with_lags(190.0, 190.0)
     wishes = WeightWishes(rms_drift=4e-3, budget=(600.0, 200.0))
-    settings = RegulatorSettings(designed=wishes, control_weight=0.1)
+    settings = mr.control.RegulatorSettings(designed=wishes, control_weight=0.1)
     limits = {"rms_drift": 4e-3}
     designed = design_weights(FRAME, problem.devices, limits=limits, budget=[600.0, 200.0])
     expected = designed.gain_with(0.1) @ problem.plant.scaling
@@ -231,7 +228,7 @@ def test_a_law_that_is_a_passive_damper_in_effect_is_said_to_be_one(tmp_path: Pa
 def test_the_force_of_a_damper_is_that_over_its_tested_range() -> None:
     """Otherwise over the motion that is expected, or over that of the ground."""
     (device,) = problem_with_lags(None).devices
-    tested = OperatingRange(
+    tested = mr.records.OperatingRange(
         stroke=0.01, velocity=0.15, frequency=None, command=None, command_unit=None, force=1e3, power=1.0
     )
     problem = problem_with_lags(None)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import mrwork
+from loop_samples import nothing
 from quarter_car import CAR
 from refusals import command_refusal, refusal
 
@@ -168,13 +169,8 @@ def test_forces_stay_on_their_floors_where_a_baseline_adds_a_floor(folder: Path)
     case = LoopCase(arrangement=replace(baseline, law=still), motions=made.grounds, hardware=made.hardware)
     found = case.responses()
     above = force_motion(np.vstack([np.zeros((1, TIME.size)), made.grounds[0].forces]), 0.02)
-    alone = mr.simulate_loop(
-        baseline.building,
-        [mr.buildings.ideal_actuator(name="none", row=baseline.building.storeys[0])],
-        mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 8))}),
-        [above],
-        made.hardware,
-    )
+    frame = baseline.building
+    alone = mr.simulate_loop(frame, *nothing(frame), [above], made.hardware)
     assert np.array_equal(found.peak_drift, alone.peak_drift)
 
 

@@ -15,10 +15,9 @@ from refusals import command_refusal, refusal
 from tuning_samples import motion
 
 import mrwork as mr
-from mrwork.base.documents import read_table
 from mrwork.base.hints import May, Node
 from mrwork.base.keys import Key, Table, keys_of, tables, toml_text
-from mrwork.base.places import KeyPath, Place
+from mrwork.base.places import KeyPath
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
@@ -258,24 +257,6 @@ def is_sound(heading: str) -> bool:
 
 
 # What is printed of the schema, and how it is read.
-
-
-def study_of(text: str) -> StudyTable:
-    document, lines = parse(text, "study.toml")
-    return read_table(StudyTable, document, Place(origin="study.toml", lines=lines))
-
-
-def test_a_study_is_read_with_its_units_and_defaults() -> None:
-    study = study_of(
-        '[building]\npublished = "uts"\n\n[[damper]]\nstorey = 1\npreset = "kwok2006"\n[[controller]]\n'
-        'law = "clipped_optimal"\nsettings = { control_weight = 1e-17 }\n[[motion]]\nsynthetic = "kanai_tajimi"\n'
-        'pga = [0.981, "0.1 g"]\n[hardware]\nsample_time = "2 ms"\n'
-    )
-    assert study.hardware.sample_time == pytest.approx(0.002)
-    assert study.hardware.feedback == "state"
-    assert study.motion[0].pga == (0.981, pytest.approx(0.980665))
-    assert study.damper[0].storey == 1
-    assert study.controller[0].settings == {"control_weight": 1e-17}
 
 
 @pytest.mark.parametrize(("heading", "kind"), list(tables(StudyTable)))

@@ -12,26 +12,12 @@ from refusals import refusal
 from study_texts import study_text
 
 import mrwork as mr
-from mrwork import Device
 from mrwork.base.documents import read_table
 from mrwork.base.places import Place
-from mrwork.buildings import building
-from mrwork.control import (
-    ControlLaw,
-    DesignProblem,
-    LoopModel,
-    accelerations,
-    control_law,
-    control_laws,
-    regulator_of_outputs,
-)
 from mrwork.control.laws.law_problem import Design, LawSettings
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.control.linear.lqr import PUBLISHED_REGULATORS
 from mrwork.dampers import damper
-from mrwork.errors import SettingError
-from mrwork.study import StudyResults
 from mrwork.study.reading import parse
 from mrwork.study.schema import laws_text
 from mrwork.study.study import fingerprint_of
@@ -62,9 +48,9 @@ TOLD = {
 
 def design_problem(
     name: str = "uts", preset: str = "kwok2006", model: str = "static_hysteretic"
-) -> DesignProblem:
-    frame, published = building(name), damper(model).preset(preset)
-    device = Device(
+) -> mr.control.DesignProblem:
+    frame, published = mr.building(name), damper(model).preset(preset)
+    device = mr.Device(
         name="damper in storey 1",
         spec=published.spec,
         theta=np.array(published.theta),
@@ -72,14 +58,14 @@ def design_problem(
         differential=preset == "kwok2006",
         largest_command=published.largest_command or 0.0,
     )
-    return DesignProblem(building=frame, devices=(device,), sample_time=1e-3)
+    return mr.control.DesignProblem(building=frame, devices=(device,), sample_time=1e-3)
 
 
-def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
+def design(law: str, text: str, on: mr.control.DesignProblem | None = None) -> Design:
     document, lines = parse(text, "study.toml")
     place = Place(origin="study.toml", lines=lines)
     settings: LawSettings = read_table(SETTINGS[law], document, place)
-    with place.prefix_errors(SettingError):
+    with place.prefix_errors(mr.errors.SettingError):
         return settings.design(on or design_problem())
 
 
@@ -88,9 +74,13 @@ def test_a_design_has_the_finite_numbers_that_its_law_takes(law: str) -> None:
     on = design_problem()
     found = design(law, TOLD.get(law, ""), on)
     assert all(np.isfinite(each).all() for each in (*found.gains.values(), *found.tables.values()))
-    curve = on.curve if control_law(law).needs_curve else None
-    model = LoopModel(building=on.building, devices=on.devices) if control_law(law).needs_model else None
-    made = ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve, model=model)
+    curve = on.curve if mr.control.control_law(law).needs_curve else None
+    model = (
+        mr.control.LoopModel(building=on.building, devices=on.devices)
+        if mr.control.control_law(law).needs_model
+        else None
+    )
+    made = mr.ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve, model=model)
     n_gains = sum(
         {"device": 1, "state": 10, "loop": 1}.get(gain.shape, gain.numbers) for gain in made.spec.gains
     )
@@ -102,21 +92,17 @@ def test_the_weights_of_dyke_are_stated_in_a_table() -> None:
     on = design_problem("dyke1996", "dyke1996", "modified_bouc_wen")
     found = design("clipped_optimal", "accelerations = [0, 0, 1]\ncontrol_weight = 1e-17", on)
     (dyke,) = (each for each in PUBLISHED_REGULATORS if each.name == "dyke1996")
-    published = regulator_of_outputs(on.plant, accelerations(on.plant), dyke.weights, dyke.control_weight)
+    published = mr.control.regulator_of_outputs(
+        on.plant, mr.control.accelerations(on.plant), dyke.weights, dyke.control_weight
+    )
     assert found.gains["gain"] == pytest.approx(published.gain, rel=1e-9)
 
 
 def test_one_weight_stands_for_all_floors() -> None:
     on = design_problem()
     one = design("clipped_optimal", "accelerations = 2\ncontrol_weight = 1e-9", on)
-    each = regulator_of_outputs(on.plant, accelerations(on.plant), [2.0] * 5, 1e-9)
+    each = mr.control.regulator_of_outputs(on.plant, mr.control.accelerations(on.plant), [2.0] * 5, 1e-9)
     assert one.gains["gain"] == pytest.approx(each.gain, rel=1e-12)
-
-
-def test_a_cheaper_force_is_wanted_more() -> None:
-    dear = design("clipped_optimal", "control_weight = 1e-8").gains["gain"]
-    cheap = design("clipped_optimal", "control_weight = 1e-9").gains["gain"]
-    assert np.linalg.norm(cheap[:, 5:]) > np.linalg.norm(dear[:, 5:])
 
 
 def test_the_force_of_a_sliding_law_pushes_its_surface_down() -> None:
@@ -139,7 +125,7 @@ def test_a_setting_that_does_not_fit_is_refused_with_its_line(law: str, text: st
 
 
 def test_every_law_of_the_registry_has_settings_and_is_printed() -> None:
-    assert set(SETTINGS) == {spec.name for spec in control_laws()}
+    assert set(SETTINGS) == {spec.name for spec in mr.control.control_laws()}
     assert all(f"{name}: " in laws_text() for name in SETTINGS)
 
 
@@ -208,9 +194,9 @@ def test_a_given_gain_is_designed_in_a_batch_and_certified() -> None:
         name="1", spec=damper.spec, theta=damper.theta, row=FRAME.storeys[0], largest_command=1.88
     )
     problem = mr.control.DesignProblem(building=FRAME, devices=[device], sample_time=1e-3)
-    given = RegulatorSettings(gain=GAIN.tolist())
-    many = [given, RegulatorSettings(drifts=1.0, control_weight=1e-11)]
-    for found in RegulatorSettings.designs(problem, many):
+    given = mr.control.RegulatorSettings(gain=GAIN.tolist())
+    many = [given, mr.control.RegulatorSettings(drifts=1.0, control_weight=1e-11)]
+    for found in mr.control.RegulatorSettings.designs(problem, many):
         assert isinstance(found, Design)
         np.testing.assert_allclose(found.gains["gain"], GAIN, rtol=1e-9)
     assert "is stable" in given.certificate(problem)
@@ -227,7 +213,7 @@ def read(folder: Path, more: str) -> mr.Study:
     return mr.read_study(tuning_samples.study_file(folder, tune="", motions=MOTION, more=more))
 
 
-def ran(folder: Path, more: str) -> StudyResults:
+def ran(folder: Path, more: str) -> mr.StudyResults:
     return mr.run_study(read(folder, more), threads=1)
 
 

@@ -80,27 +80,3 @@ def test_half_the_step_hardly_moves_it(results: StudyResults) -> None:
         changes = results.step_changes(row, 0)
         assert changes is not None
         assert changes["peak_drift"] < 1e-3
-
-
-STUDY = """
-[building]
-published = "uts"
-
-[[damper]]
-storey = 1
-preset = "kwok2006"
-lag = 190
-differential = true
-
-[[controller]]
-law = "clipped_optimal"
-settings = { drifts = 1, control_weight = 1e-13 }
-
-[[motion]]
-synthetic = "kanai_tajimi"
-duration = 1
-pga = "0.1 g"
-
-[report]
-histories = "none"
-"""

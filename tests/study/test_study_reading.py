@@ -10,12 +10,8 @@ import pytest
 from refusals import refusal
 from sentences import Refused
 
-from mrwork import Journal
+import mrwork as mr
 from mrwork.base.remark import warnings_of
-from mrwork.buildings import building
-from mrwork.dampers import DamperSpec
-from mrwork.errors import RecordError
-from mrwork.study import Study, read_study, run_study
 
 STUDY = """\
 [building]
@@ -47,47 +43,15 @@ pga = [1.0, 2.0]
 sample_time = "1 ms"
 """
 
-# Each building of the literature, stated from its numbers alone.
-STATED = {
-    "dyke1996": """
-        mass = [[98.3, 0, 0], [0, 98.3, 0], [0, 0, 98.3]]
-        damping = [[175, -50, 0], [-50, 100, -50], [0, -50, 50]]
-        stiffness = [[12.0e5, -6.84e5, 0], [-6.84e5, 13.7e5, -6.84e5], [0, -6.84e5, 6.84e5]]""",
-    "jansen2000": """
-        masses = [22.7, 22.7, 22.7, 22.7, 22.7, 22.7]
-        stiffnesses = [29700, 29700, 29700, 29700, 29700, 29700]
-        modal_damping = { ratios = [0.005] }""",
-    "uts": """
-        masses = [337, 330, 330, 330, 330]
-        stiffnesses = [1.448e6, 1.448e6, 1.448e6, 1.448e6, 1.448e6]
-        rayleigh = { a0 = 0.309478, a1 = 1.89972e-4 }""",
-    "frame": """
-        masses = [300]
-        stiffnesses = [106591.727585]
-        modal_damping = { ratios = [0.01] }""",
-    "sac3": """
-        mass = [[4.7835e5, 0, 0], [0, 4.7835e5, 0], [0, 0, 5.1779e5]]
-        stiffness = [
-            [4.40846e8, -2.39798e8, 4.21961e7],
-            [-2.39798e8, 3.15537e8, -1.29507e8],
-            [4.21961e7, -1.29507e8, 9.35151e7],
-        ]
-        rayleigh = { ratios = [0.02, 0.02], modes = [1, 3] }""",
-    "utfpr": """
-        masses = [24.3, 24.3]
-        stiffnesses = [6820, 8220]
-        storey_damping = [0.939, 0.29]""",
-}
+
+def unknown_run(run: Path) -> tuple[mr.DamperSpec, tuple[float, ...]]:
+    raise mr.errors.RecordError(f"{run} does not exist")
 
 
-def unknown_run(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
-    raise RecordError(f"{run} does not exist")
-
-
-def study_of(text: str, folder: Path) -> Study:
+def study_of(text: str, folder: Path) -> mr.Study:
     path = folder / "study.toml"
     path.write_text(text)
-    return read_study(path, unknown_run)
+    return mr.read_study(path, unknown_run)
 
 
 def test_a_study_begins_with_its_references(tmp_path: Path) -> None:
@@ -124,23 +88,6 @@ def test_a_damper_behind_a_brace_takes_the_drift_less_the_brace(tmp_path: Path) 
     assert len(equipped.places["storey"]) == 5
 
 
-def test_an_isolated_building_is_compared_on_its_own_floors_and_storeys(tmp_path: Path) -> None:
-    isolated = study_of(STUDY, tmp_path).arrangements[3]
-    assert isolated.places["floor"] == [1, 2, 3, 4, 5]
-    assert isolated.places["storey"] == [1, 2, 3, 4, 5]
-    assert isolated.strokes == [0]
-
-
-@pytest.mark.parametrize("name", list(STATED))
-def test_every_building_of_the_literature_is_stated_without_python(name: str, tmp_path: Path) -> None:
-    text = STUDY.replace('published = "uts"', STATED[name])
-    stated, published = study_of(text, tmp_path).building, building(name)
-    assert stated.mass == pytest.approx(published.mass)
-    assert stated.damping == pytest.approx(published.damping)
-    assert stated.stiffness == pytest.approx(published.stiffness)
-    assert stated.storeys == pytest.approx(published.storeys)
-
-
 def test_a_mistake_is_one_sentence_with_its_line(tmp_path: Path, refused: Refused) -> None:
     for old, new in (
         ('"uts"', '"utz"'),
@@ -170,7 +117,7 @@ def test_a_mistake_is_one_sentence_with_its_line(tmp_path: Path, refused: Refuse
         refused(study_of, STUDY.replace(old, new, 1), tmp_path)
     start, end = STUDY.index("[[damper]]"), STUDY.index("[[controller]]")
     refused(study_of, STUDY[:start] + STUDY[end:], tmp_path)
-    refused(read_study, tmp_path / "gone.toml", unknown_run)
+    refused(mr.read_study, tmp_path / "gone.toml", unknown_run)
 
 
 @pytest.mark.parametrize(
@@ -221,9 +168,9 @@ QUICK_START = ROOT / "studies" / "respond" / "quick_start.toml"
 
 
 def test_the_first_study_runs_without_a_warning_and_its_law_is_worth_it(tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "journal")
-    results = run_study(
-        read_study(QUICK_START, lambda run: pytest.fail(f"{run} is not asked for")), journal=journal
+    journal = mr.Journal(tmp_path / "journal")
+    results = mr.run_study(
+        mr.read_study(QUICK_START, lambda run: pytest.fail(f"{run} is not asked for")), journal=journal
     )
     journal.close()
     assert results.complete

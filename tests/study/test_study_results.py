@@ -53,19 +53,6 @@ def test_criteria_are_shown_in_their_units() -> None:
             assert factor_of(declared[name]) == pytest.approx(factor * factor_of(unit)), name
 
 
-def test_ratios_of_the_references_themselves_are_one() -> None:
-    results = study_samples.results()
-    for row, against in ((0, "uncontrolled"), (1, "passive_off")):
-        found = results.ratios(row, 0, against)  # type: ignore[arg-type] # one of two words
-        assert {found[entry.name] for entry in criteria() if entry.ratio} == {1.0}
-
-
-def test_the_score_is_the_mean_over_motions() -> None:
-    results = study_samples.results()
-    wanted = study_samples.amplitude(4, 0) / study_samples.amplitude(1, 0)
-    assert results.score(4).mean == pytest.approx(wanted, rel=1e-12)
-
-
 def test_scores_and_changes_stand_on_test_motions_only() -> None:
     results = study_samples.results()
     first, second = results.motions

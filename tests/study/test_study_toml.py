@@ -140,22 +140,6 @@ def test_every_key_takes_its_number_in_a_prefixed_unit(kind: Table, entry: Key) 
 
 
 @pytest.mark.parametrize(
-    ("text", "unit", "expected"),
-    [
-        ("0.3g", "m/s2", 0.3 * 9.80665),
-        ("1e3kN", "N", 1e6),
-        ("5e-3m", "m", 5e-3),
-        ("-.5m", "m", -0.5),
-        ("3kN s/mm", "N s/m", 3e6),
-        ("5m2/s3", "m2/s3", 5.0),
-        ("3V", "A or V", 3.0),
-    ],
-)
-def test_a_number_that_touches_its_unit_is_that_number(text: str, unit: str, expected: float) -> None:
-    assert number_in(text, unit) == pytest.approx(expected, rel=1e-15)
-
-
-@pytest.mark.parametrize(
     ("text", "says"),
     [
         # An exponent without digits is the beginning of a unit.

@@ -34,16 +34,18 @@ def test_a_learned_network_stands_in_the_chosen_study_with_its_score(tmp_path: P
     assert "network 25 numbers" in settings_in_words(learned.settings, "A")
 
 
-def test_gradients_train_a_network_and_are_the_differences_of_the_loop() -> None:
+def test_gradients_train_a_network_and_leave_the_largest_command() -> None:
     motions = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)
     study = tuning_samples.study_with(motions=motions)
     plan = plan_of(study, TuneTable(laws=(LAW,)), 1)
     space = plan.space
-    start = np.where(np.array([each.name for each in space.free]) == "largest_command", 0.99, space.start)
+    is_largest = np.array([each.name for each in space.free]) == "largest_command"
+    start = np.where(is_largest, 0.99, space.start)
     found = follow_gradients(plan, start, 3)
     candidates = [space.candidate(unit) for unit in (start, found.unit)]
     before, after = plan.scores(candidates).objective
     assert after < before
+    assert found.unit[is_largest] == start[is_largest]
 
 
 def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins() -> None:

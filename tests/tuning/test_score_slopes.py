@@ -19,7 +19,6 @@ from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
 from mrwork.tuning import law_tuning
 from mrwork.tuning.law_plan import LawPlan, without_gradient
-from mrwork.tuning.law_tuning import follow_gradients
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.space import LARGEST
 
@@ -72,19 +71,36 @@ def test_every_law_that_does_not_switch_has_the_derivatives_of_its_score(law: st
 
 SECOND = '\n[[damper]]\nstorey = 3\npreset = "kwok2006"\nlag = 100\n'
 VARIED = '\n[uncertainty]\nrealisations = 3\nstiffness = 0.1\ndelay = "2 ms"\n'
-LOOPS: dict[str, dict[str, str]] = {
-    "two_dampers": {"more": SECOND},
-    "storeys_that_yield": {
-        "building": 'published = "uts"\n[building.storeys_that_yield]\nyield_drift = "1 mm"\nsharpness = 2\n'
-    },
-    "draws": {"more": VARIED},
+# Parts of the study file, and keys of the table.
+CASES: dict[str, tuple[dict[str, str], dict[str, Any]]] = {
+    "two dampers": ({"more": SECOND}, {}),
+    "storeys that yield": (
+        {
+            "building": 'published = "uts"\n[building.storeys_that_yield]\nyield_drift = "1 mm"\nsharpness = 2\n'
+        },
+        {},
+    ),
+    "draws": ({"more": VARIED}, {"robust": True}),
+    "tail": (
+        {},
+        {"risk": "cvar", "tail": 0.7, "combine": "largest", "criteria": ("rms_drift", "peak_base_shear")},
+    ),
+    "worst within limits": (
+        {},
+        {
+            "risk": "max",
+            "relative_to": "best_passive",
+            "constraints": {"rms_current": 1e-3, "peak_stroke": 1e-4},
+        },
+    ),
 }
 
 
-@pytest.mark.parametrize("case", LOOPS)
-def test_the_loop_may_have_whatever_a_study_has(case: str) -> None:
-    study = tuning_samples.study_with(motions=SHORT, tune="", **LOOPS[case])
-    plan = plan_for(study, TuneTable(laws=("proportional_direct",), robust=case == "draws"))
+@pytest.mark.parametrize("case", CASES)
+def test_loop_and_score_may_be_whatever_a_study_and_a_table_make_of_them(case: str) -> None:
+    parts, table = CASES[case]
+    study = tuning_samples.study_with(motions=SHORT, tune="", **parts)
+    plan = plan_for(study, TuneTable(laws=("proportional_direct",), **table))
     agree_with_differences(plan, inside(plan))
 
 
@@ -103,23 +119,6 @@ def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop() -> None:
         study.hardware, feedback="observer", acceleration_noise=0.01, delay=4e-3, command_rate=30.0
     )
     plan = plan_for(replace(study, hardware=hardware), TuneTable(laws=("proportional_direct",)))
-    agree_with_differences(plan, inside(plan))
-
-
-@pytest.mark.parametrize(
-    "table",
-    [
-        {"risk": "cvar", "tail": 0.7, "combine": "largest", "criteria": ("rms_drift", "peak_base_shear")},
-        {
-            "risk": "max",
-            "relative_to": "best_passive",
-            "constraints": {"rms_current": 1e-3, "peak_stroke": 1e-4},
-        },
-    ],
-)
-def test_the_score_may_be_whatever_a_table_makes_of_it(table: dict[str, Any]) -> None:
-    study = tuning_samples.study_with(motions=SHORT, tune="")
-    plan = plan_for(study, TuneTable(laws=("proportional_direct",), **table))
     agree_with_differences(plan, inside(plan))
 
 
@@ -160,17 +159,6 @@ def test_every_law_that_switches_is_named() -> None:
 
 
 LAW = "proportional_direct"
-
-
-def test_gradients_lower_the_objective_of_the_loop() -> None:
-    study = tuning_samples.study_with(motions=tuning_samples.motion("A", 1).replace("3\n", "1\n", 1))
-    table = TuneTable(laws=(LAW,), free={"slope": (), "largest_command": ()})
-    plan, start = plan_of(study, table, 1), np.array([0.4, 0.99])
-    found = follow_gradients(plan, start, 3)
-    candidates = [plan.space.candidate(start), plan.space.candidate(found.unit)]
-    before, after = plan.scores(candidates).objective
-    assert after < before
-    assert found.unit[1] == start[1]
 
 
 def test_scores_without_gradients_are_refused() -> None:

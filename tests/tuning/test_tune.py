@@ -13,12 +13,9 @@ from tuning_samples import TWO_STOREYS, without_times
 
 import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE, ties_in_words
-from mrwork.errors import Interrupted
-from mrwork.study import TuneTable
 from mrwork.study.loop_case import training_case
 from mrwork.study.results import bands_over
 from mrwork.study.run import unrun
-from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.judging import TunedStudy, judge, with_tuned_rows, with_tuning
 from mrwork.tuning.law_plan import Bench
@@ -33,17 +30,17 @@ def study() -> mr.Study:
 
 
 @pytest.fixture(scope="module")
-def results(study: mr.Study) -> TuningResults:
-    return tune(study, threads=1)
+def results(study: mr.Study) -> mr.TuningResults:
+    return mr.tune(study, threads=1)
 
 
 @pytest.fixture(scope="module")
-def judged(study: mr.Study, results: TuningResults) -> TunedStudy:
+def judged(study: mr.Study, results: mr.TuningResults) -> TunedStudy:
     return judge(study, results, threads=1)
 
 
 def test_a_largest_command_that_is_the_best_constant_one_is_told_once(
-    results: TuningResults, judged: TunedStudy
+    results: mr.TuningResults, judged: TunedStudy
 ) -> None:
     largest = next(each for each in results.references if each.kind == "passive")
     best = (
@@ -56,7 +53,7 @@ def test_a_largest_command_that_is_the_best_constant_one_is_told_once(
 
 
 def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
-    results: TuningResults,
+    results: mr.TuningResults,
 ) -> None:
     law = results.laws[0]
     equal = next(each for each in results.references if each.label.startswith("Equal drift weights"))
@@ -65,7 +62,7 @@ def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
 
 
 def test_the_study_finds_the_objective_again_and_judges_on_motions_that_the_tuning_has_not_seen(
-    study: mr.Study, results: TuningResults, judged: TunedStudy
+    study: mr.Study, results: mr.TuningResults, judged: TunedStudy
 ) -> None:
     assert results.training == ("A",)
     assert [judged.motions[each].name for each in judged.judged_motions] == ["B", "C"]
@@ -82,14 +79,14 @@ def test_the_study_finds_the_objective_again_and_judges_on_motions_that_the_tuni
         assert test.score.motions == 2
 
 
-def test_the_references_begin_with_the_dampers_at_zero_command(results: TuningResults) -> None:
+def test_the_references_begin_with_the_dampers_at_zero_command(results: mr.TuningResults) -> None:
     off, best, largest = results.references[:3]
     assert off.least == 1.0
     assert best.least <= min(off.least, largest.least)
     assert largest.settings["command"] == 1.88
 
 
-def test_the_best_constant_command_is_that_of_the_study(results: TuningResults) -> None:
+def test_the_best_constant_command_is_that_of_the_study(results: mr.TuningResults) -> None:
     """Whether the study adds the row by itself or has none."""
     best = results.references[1]
     alone = replace(tuning_samples.small_study(), arrangements=tuning_samples.small_study().arrangements[:2])
@@ -100,11 +97,11 @@ def test_the_best_constant_command_is_that_of_the_study(results: TuningResults) 
         assert found.score(row, found.motions_of("training")).mean == pytest.approx(best.least, rel=1e-12)
 
 
-def test_threads_change_no_bit(study: mr.Study, results: TuningResults) -> None:
-    assert without_times(tune(study, threads=2)) == without_times(results)
+def test_threads_change_no_bit(study: mr.Study, results: mr.TuningResults) -> None:
+    assert without_times(mr.tune(study, threads=2)) == without_times(results)
 
 
-def test_the_chosen_study_has_the_scores_of_the_tuning(results: TuningResults, tmp_path: Path) -> None:
+def test_the_chosen_study_has_the_scores_of_the_tuning(results: mr.TuningResults, tmp_path: Path) -> None:
     tuning_samples.assert_its_score(results, tuning_samples.small_study(), tmp_path)
 
 
@@ -133,15 +130,15 @@ def test_stated_weights_and_bounds_are_kept_where_other_weights_are_better(setti
     assert min(law.least for law in found.references) < found.laws[0].least
 
 
-def test_a_label_of_the_study_is_not_given_again(tmp_path: Path, results: TuningResults) -> None:
+def test_a_label_of_the_study_is_not_given_again(tmp_path: Path, results: mr.TuningResults) -> None:
     source = tuning_samples.study_file(tmp_path, building=TWO_STOREYS)
     chosen = tmp_path / "chosen.toml"
     chosen.write_text(chosen_study(results, mr.read_study(source).origin.file), encoding="utf-8")
-    refusal(tune, mr.read_study(chosen), threads=1, match="'Clipped-optimal, tuned'")
+    refusal(mr.tune, mr.read_study(chosen), threads=1, match="'Clipped-optimal, tuned'")
 
 
 def test_the_chosen_study_finds_the_files_of_a_study_that_names_a_folder(
-    results: TuningResults, tmp_path: Path
+    results: mr.TuningResults, tmp_path: Path
 ) -> None:
     source = tuning_samples.study_file(tmp_path, building=TWO_STOREYS)
     (tmp_path / "data").mkdir()
@@ -162,9 +159,9 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
             raise KeyboardInterrupt
 
     calls: list[object] = []
-    with pytest.raises(Interrupted) as caught:
-        tune(study, threads=1, on_progress=interrupt)
-    found: TuningResults = caught.value.result
+    with pytest.raises(mr.errors.Interrupted) as caught:
+        mr.tune(study, threads=1, on_progress=interrupt)
+    found: mr.TuningResults = caught.value.result
     assert found.status == "interrupted"
     assert len(found.references) == 7
     assert found.laws[0].least > 0.0
@@ -179,7 +176,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
     ("name", "unit", "share"), [("rms_current", "A", 0.5), ("command_travel", "A/s", 0.7)]
 )
 def test_a_limit_that_holds_is_kept(
-    name: str, unit: str, share: float, results: TuningResults, judged: TunedStudy
+    name: str, unit: str, share: float, results: mr.TuningResults, judged: TunedStudy
 ) -> None:
     def largest(of: TunedStudy) -> float:
         found = of.criteria(len(of.rows) - 1, 0)
@@ -242,7 +239,7 @@ def test_every_first_candidate_has_settings_of_the_law() -> None:
     training = tuning_samples.motion("A", 1, "training") + tuning_samples.motion("B", 5, "training")
     motions = training + tuning_samples.motion("C", 2)
     study = tuning_samples.study_with(building=TWO_STOREYS, more=second, motions=motions, tune="")
-    plan = plan_of(study, TuneTable(laws=("clipped_optimal",)), 1)
+    plan = plan_of(study, mr.study.TuneTable(laws=("clipped_optimal",)), 1)
     assert np.isfinite(plan.scores(plan.firsts).objective).any()
 
 
@@ -252,7 +249,7 @@ def test_realisations_belong_to_a_robust_objective() -> None:
     text = tuning_samples.TUNE + 'robust = true\nrisk = "max"\n'
     motions = tuning_samples.motion("A", 1)
     study = tuning_samples.study_with(tune=text, more=more, motions=motions, building=TWO_STOREYS)
-    found = tune(study, threads=1)
+    found = mr.tune(study, threads=1)
     law, judged = found.laws[0], judge(study, found, threads=1)
     row = judged.row_of_law(law)
     assert row is not None
@@ -284,7 +281,7 @@ def test_realisations_belong_to_a_robust_objective() -> None:
 )
 def test_what_cannot_be_tuned_is_refused(table: str, word: str) -> None:
     text = table and f"[[tune]]\n{table}"
-    refusal(lambda: tune(tuning_samples.study_with(tune=text), threads=1), match=word)
+    refusal(lambda: mr.tune(tuning_samples.study_with(tune=text), threads=1), match=word)
 
 
 def test_points_of_a_front_are_ratios_whatever_the_limits() -> None:
@@ -300,7 +297,7 @@ def test_points_of_a_front_are_ratios_whatever_the_limits() -> None:
 
 
 def test_semi_active_weights_are_scanned_by_their_budget_and_are_a_reference(
-    study: mr.Study, results: TuningResults
+    study: mr.Study, results: mr.TuningResults
 ) -> None:
     """The study with them as rows states the margins of each law, and ground and budget of the designed weights."""
     (found,) = [each for each in results.references if "budget scanned" in each.label]

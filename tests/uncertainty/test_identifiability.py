@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrwork import identify
-from mrwork.dampers import bouc_wen_from_normalised, damper
-from mrwork.identification import Fit
+import mrwork as mr
 from mrwork.identification.covariance import Covariance, Slopes, covariance
 from mrwork.identification.fit import Direction, FittedParameter, ParameterChange
 from mrwork.identification.problem import Problem
-from mrwork.identification.settings import FitSettings
 from mrwork.identification.verdicts import (
     WEAK,
     Scale,
@@ -24,28 +21,26 @@ from mrwork.identification.verdicts import (
     simple_combinations,
     sparse_basis,
 )
-from mrwork.records import DamperTest
-from mrwork.records.reading import synthetic_test
 
-TEST = synthetic_test("spencer1997_fast")
+TEST = mr.synthetic_test("spencer1997_fast")
 
 Judged = tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]
 
 
 @pytest.fixture(scope="module")
-def normalised() -> Fit:
-    return identify("normalised_bouc_wen", TEST, rng=1)
+def normalised() -> mr.Fit:
+    return mr.identify("normalised_bouc_wen", TEST, rng=1)
 
 
 @pytest.fixture(scope="module")
-def static() -> tuple[Fit, DamperTest]:
-    test = synthetic_test("rd1005_1a")
-    return identify("static_hysteretic", test, rng=1), test
+def static() -> tuple[mr.Fit, mr.DamperTest]:
+    test = mr.synthetic_test("rd1005_1a")
+    return mr.identify("static_hysteretic", test, rng=1), test
 
 
-def at(model: str, theta: NDArray[np.float64], test: DamperTest) -> Judged:
+def at(model: str, theta: NDArray[np.float64], test: mr.DamperTest) -> Judged:
     """The parameters of a model at these values, judged by a test."""
-    problem = Problem.of(damper(model), (test,), FitSettings())
+    problem = Problem.of(mr.damper(model), (test,), mr.identification.FitSettings())
     there = problem.inside(theta)
     covariance = Covariance.of(Slopes.at(problem.objective, problem.form, there))
     return fitted_parameters(problem, there, covariance)
@@ -77,8 +72,8 @@ def verdicts(found: Judged) -> dict[str, str]:
     return {each.name: each.verdict.word for each in found[0]}
 
 
-def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -> None:
-    found = at("bouc_wen", bouc_wen_from_normalised(np.array(normalised.theta), 120.0), TEST)
+def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: mr.Fit) -> None:
+    found = at("bouc_wen", mr.dampers.bouc_wen_from_normalised(np.array(normalised.theta), 120.0), TEST)
     (unseen,) = [each for each in found[1] if not each.seen]
     shares = {each.name: each.percent for each in unseen.changes}
     # z is multiplied by s: A by s, alpha by 1/s, gamma and beta by s^(1 - n).
@@ -92,13 +87,13 @@ def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -
     assert (verdicts(found)["A"], verdicts(found)["alpha"]) == ("fixed", "identifiable")
 
 
-def test_the_normalised_form_has_no_redundancy(normalised: Fit) -> None:
+def test_the_normalised_form_has_no_redundancy(normalised: mr.Fit) -> None:
     assert all(each.seen for each in normalised.directions)
     assert "not identifiable" not in verdicts((normalised.estimates, ())).values()
     assert normalised.parameters["k_w"].verdict.word == "identifiable"
 
 
-def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> None:
+def test_a_ratio_that_alone_is_seen_is_named(static: tuple[mr.Fit, mr.DamperTest]) -> None:
     # 10 mm of stroke on x_s = 0.1 m: tanh(x/x_s) is a straight line of slope 1/x_s.
     # The fit is at the end of that valley, at a bound of delta; half of both gives nearly the same force.
     fit, test = static
@@ -114,9 +109,9 @@ def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> 
     assert "x_s can compensate for it" in reasons["delta"]
 
 
-def test_a_parameter_on_its_bound_is_bounded_from_one_side(static: tuple[Fit, DamperTest]) -> None:
+def test_a_parameter_on_its_bound_is_bounded_from_one_side(static: tuple[mr.Fit, mr.DamperTest]) -> None:
     _, test = static
-    bounded = identify("static_hysteretic", test, rng=1, bounds={"beta": (100.0, 300.0)})
+    bounded = mr.identify("static_hysteretic", test, rng=1, bounds={"beta": (100.0, 300.0)})
     beta = bounded.parameters["beta"]
     assert (beta.verdict.word, beta.standard_error) == ("weakly identifiable", None)
     assert beta.verdict.reason.startswith("at lower bound")

@@ -10,13 +10,8 @@ import pytest
 from refusals import refusal
 
 import mrwork as mr
-from mrwork import identify
-from mrwork.dampers import DamperSpec, damper
-from mrwork.dampers.simulation import simulate_force
-from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
 from mrwork.records.damper_test import loading_of
-from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty.candidate_tests import (
     Candidate,
     Limits,
@@ -27,7 +22,7 @@ from mrwork.uncertainty.candidate_tests import (
 )
 from mrwork.uncertainty.planning import LinearisedPosterior, responses
 
-STATIC = damper("static_hysteretic")
+STATIC = mr.damper("static_hysteretic")
 HELD = {
     each.name: (each.nominal, each.nominal) for each in STATIC.parameters if each.name in ("x_s", "delta")
 }
@@ -40,33 +35,33 @@ GRID = tuple(
 
 @pytest.fixture(scope="module")
 def test() -> DamperTest:
-    return cut(synthetic_test("rd1005_1a"), every=4)
+    return cut(mr.synthetic_test("rd1005_1a"), every=4)
 
 
 @pytest.fixture(scope="module")
-def fit(test: DamperTest) -> Fit:
-    return identify(STATIC, test, rng=1, bounds=HELD)
+def fit(test: DamperTest) -> mr.Fit:
+    return mr.identify(STATIC, test, rng=1, bounds=HELD)
 
 
-def with_laws(model: DamperSpec, values: dict[str, float], current: float, test: DamperTest) -> DamperTest:
+def with_laws(model: mr.DamperSpec, values: dict[str, float], current: float, test: DamperTest) -> DamperTest:
     """A record of the motion of a test at a current, with noise in its force."""
     theta = np.array([values[name] for name in model.names])
     loading = loading_of(replace(test, current=current), model)
-    force = simulate_force(model, theta, loading)
+    force = mr.simulate_force(model, theta, loading)
     noise = 8.0 * np.random.default_rng(round(10 * current)).standard_normal(force.size)
     return replace(test, name=f"{current:g} A", force=force + noise, current=current)
 
 
 def test_what_only_large_strokes_show_calls_for_a_large_stroke(test: DamperTest) -> None:
     # tanh(x/x_s) is a straight line within 10 mm of an x_s of 0.1 m: only beyond does it tell x_s from delta.
-    free = identify(STATIC, test, rng=1)
+    free = mr.identify(STATIC, test, rng=1)
     plan = mr.plan(free, [test], GRID, band="x_s")
     assert plan.gains[0].candidate.amplitude == 0.02
     small = [each.gain for each in plan.gains if each.candidate.amplitude == 0.002]
     assert max(small) < 0.3 * plan.gains[0].gain
 
 
-def test_a_rig_of_motions_that_repeat_asks_for_a_random_one(fit: Fit, test: DamperTest) -> None:
+def test_a_rig_of_motions_that_repeat_asks_for_a_random_one(fit: mr.Fit, test: DamperTest) -> None:
     (asked,) = mr.plan(fit, [test], GRID[:3]).remarks
     assert asked.code == "motions_repeat"
     assert "random motion of 1 to 1 Hz, up to 10 mm and 63.8 mm/s" in asked.message
@@ -74,7 +69,7 @@ def test_a_rig_of_motions_that_repeat_asks_for_a_random_one(fit: Fit, test: Damp
     assert not mr.plan(fit, [test, growing], GRID[:3]).remarks
 
 
-def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperTest) -> None:
+def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: mr.Fit, test: DamperTest) -> None:
     # The viscous share of the force grows with the velocity.
     plan = mr.plan(fit, [test], GRID, band="c")
     best = plan.gains[0].candidate
@@ -82,10 +77,10 @@ def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperT
 
 
 def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> None:
-    model = damper("bingham").with_current_laws({"f_c": "linear"})
+    model = mr.damper("bingham").with_current_laws({"f_c": "linear"})
     values = dict(zip(model.names, model.nominal, strict=True)) | {"f_c.0": 100.0, "f_c.1": 400.0}
     tests = [with_laws(model, values, current, test) for current in (0.5, 0.55)]
-    start = identify(damper("bingham"), tests[0], rng=1)
+    start = mr.identify(mr.damper("bingham"), tests[0], rng=1)
     estimates = tuple(
         replace(start.estimates[0], name=name, value=values[name], lower=low, upper=high, state="")
         for name, low, high in ((each.name, each.lower, each.upper) for each in model.parameters)
@@ -104,7 +99,7 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> No
 
 
 @pytest.mark.parametrize("band", ["force", "energy", "c", "k", "f0"])
-def test_no_test_widens_a_band(fit: Fit, test: DamperTest, band: str) -> None:
+def test_no_test_widens_a_band(fit: mr.Fit, test: DamperTest, band: str) -> None:
     plan = mr.plan(fit, [test], GRID, band=band)
     assert len(plan.gains) == len(GRID)
     for each in plan.gains:
@@ -114,21 +109,21 @@ def test_no_test_widens_a_band(fit: Fit, test: DamperTest, band: str) -> None:
     assert [each.gain for each in plan.gains] == sorted((each.gain for each in plan.gains), reverse=True)
 
 
-def test_the_band_now_is_that_of_the_information(fit: Fit, test: DamperTest) -> None:
+def test_the_band_now_is_that_of_the_information(fit: mr.Fit, test: DamperTest) -> None:
     plan = mr.plan(fit, [test], GRID[:1], band="k")
     error = fit.parameters["k"].standard_error
     # The prior takes next to nothing away.
     assert plan.deviation == pytest.approx(error, rel=0.01)
 
 
-def test_the_same_test_again_halves_what_the_data_alone_say(fit: Fit, test: DamperTest) -> None:
+def test_the_same_test_again_halves_what_the_data_alone_say(fit: mr.Fit, test: DamperTest) -> None:
     known = LinearisedPosterior.of(fit, [test])
     (again,) = responses(known, [excitation_of(test)])
     # Noise in the motion and the cycles that count differ, and the prior is in the precision only.
     np.testing.assert_allclose(np.diag(again.information), np.diag(known.precision), rtol=0.1)
 
 
-def test_targets_say_where_the_band_is_wanted(fit: Fit, test: DamperTest) -> None:
+def test_targets_say_where_the_band_is_wanted(fit: mr.Fit, test: DamperTest) -> None:
     slow, fast = Candidate(amplitude=0.005, frequency=0.1), Candidate(amplitude=0.02, frequency=3.0)
     best = [
         mr.plan(fit, [test], GRID, targets=[target]).gains[0].candidate.peak_velocity
@@ -137,13 +132,13 @@ def test_targets_say_where_the_band_is_wanted(fit: Fit, test: DamperTest) -> Non
     assert best[0] < best[1]
 
 
-def test_derivatives_of_a_candidate_are_those_of_its_force(fit: Fit, test: DamperTest) -> None:
+def test_derivatives_of_a_candidate_are_those_of_its_force(fit: mr.Fit, test: DamperTest) -> None:
     known = LinearisedPosterior.of(fit, [test])
     (answer,) = responses(known, GRID[:1])
     loading, counted = harmonic_motion(GRID[0], STATIC)
     unit = known.box.unit_from_theta(known.theta)
     force, less, more = (
-        simulate_force(STATIC, known.box.theta_from_unit(unit + step * np.eye(unit.size)[0]), loading)[
+        mr.simulate_force(STATIC, known.box.theta_from_unit(unit + step * np.eye(unit.size)[0]), loading)[
             counted
         ]
         for step in (0.0, -1e-4, 1e-4)
@@ -190,7 +185,7 @@ def test_candidates_come_from_a_file(tmp_path: Path) -> None:
     refusal(read_candidates, table, STATIC, match="line 2: .* positive")
 
 
-def test_what_is_held_has_no_band_and_what_no_rig_can_run_is_refused(fit: Fit, test: DamperTest) -> None:
+def test_what_is_held_has_no_band_and_what_no_rig_can_run_is_refused(fit: mr.Fit, test: DamperTest) -> None:
     refusal(mr.plan, fit, [test], GRID[:1], band="delta", match="delta is fixed")
     refusal(Candidate, amplitude=0.01, frequency=1e-9, match="frequency.* is 1e-09")
 

@@ -16,11 +16,8 @@ from run_folders import write_fit
 from scipy.stats import norm
 
 import mrwork as mr
-from mrwork import Journal
-from mrwork.errors import Interrupted
 from mrwork.store.run_folder import DRAWS
 from mrwork.store.run_writer import add_to_run
-from mrwork.uncertainty import Draws, Normal, Uniform, sample
 from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, summary_of
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 
@@ -65,7 +62,7 @@ def test_checks_depend_on_the_steps_alone_and_grow_by_a_quarter() -> None:
 
 
 def test_a_chain_that_memory_may_not_hold_is_refused_with_an_estimate() -> None:
-    refusal(sample, small_fit(), small_test(), walkers=10_000, most_steps=10_000_000, match="4,800 GB")
+    refusal(mr.sample, small_fit(), small_test(), walkers=10_000, most_steps=10_000_000, match="4,800 GB")
 
 
 def test_walkers_that_disagree_or_never_move_have_not_converged() -> None:
@@ -93,11 +90,11 @@ def test_draws_that_pile_up_at_a_bound_are_said_to(draws: Callable[[Any], Any], 
 
 
 @pytest.fixture(scope="module")
-def draws() -> Draws:
+def draws() -> mr.Draws:
     return converged_draws()
 
 
-def test_a_sampling_stops_by_itself_and_says_why(draws: Draws) -> None:
+def test_a_sampling_stops_by_itself_and_says_why(draws: mr.Draws) -> None:
     assert draws.status == "converged"
     assert draws.sentence.startswith(f"Converged after {draws.n_steps} steps: R-hat below 1.01")
     assert all(each.rhat < 1.01 and each.ess_bulk > 400 and each.ess_tail > 400 for each in draws.summaries)
@@ -106,7 +103,7 @@ def test_a_sampling_stops_by_itself_and_says_why(draws: Draws) -> None:
 
 
 def test_where_noise_is_white_and_the_model_right_the_posterior_is_that_of_least_squares(
-    draws: Draws,
+    draws: mr.Draws,
 ) -> None:
     for summary, estimate, error in zip(
         draws.summaries, small_fit().estimates, independent_errors(small_fit()), strict=False
@@ -117,7 +114,7 @@ def test_where_noise_is_white_and_the_model_right_the_posterior_is_that_of_least
         assert summary.lower_5 < summary.median < summary.upper_95
 
 
-def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: Path) -> None:
+def test_draws_are_a_datatree_with_units_and_provenance(draws: mr.Draws, tmp_path: Path) -> None:
     tree = draws.as_datatree()
     assert tree["posterior"]["k_w"].attrs["units"] == "N"
     np.testing.assert_array_equal(tree["posterior"]["k_w"].values.ravel(), draws.theta[:, 1])
@@ -140,8 +137,8 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
 
 @pytest.mark.long
 def test_a_given_prior_moves_what_the_data_leave_open() -> None:
-    prior = Normal(mean=2000.0, deviation=86.0)
-    given = sample(small_fit(), small_test(), tempering=1.0, walkers=32, threads=1, priors={"k_x": prior})
+    prior = mr.uncertainty.Normal(mean=2000.0, deviation=86.0)
+    given = mr.sample(small_fit(), small_test(), tempering=1.0, walkers=32, threads=1, priors={"k_x": prior})
     k_x = small_fit().estimates[0]
     # Two normals of about one width meet half-way, and are narrower by the square root of two.
     assert given.summaries[0].mean == pytest.approx(0.5 * (k_x.value + 2000.0), rel=0.03)
@@ -149,7 +146,7 @@ def test_a_given_prior_moves_what_the_data_leave_open() -> None:
 
 
 def test_threads_change_no_bit_and_an_interrupted_chain_is_kept() -> None:
-    sampled = partial(sample, small_fit(), small_test(), walkers=16, rng=7)
+    sampled = partial(mr.sample, small_fit(), small_test(), walkers=16, rng=7)
     one, two = (sampled(most_steps=60, threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.theta, two.theta)
     np.testing.assert_array_equal(one.densities, two.densities)
@@ -158,7 +155,7 @@ def test_threads_change_no_bit_and_an_interrupted_chain_is_kept() -> None:
         if progress.numbers["steps"] > 40:
             raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted) as interrupted:
+    with pytest.raises(mr.errors.Interrupted) as interrupted:
         sampled(most_steps=20_000, threads=1, on_progress=interrupt)
     kept = interrupted.value.result
     assert kept.status == "interrupted"
@@ -168,9 +165,9 @@ def test_threads_change_no_bit_and_an_interrupted_chain_is_kept() -> None:
 def test_another_sampling_is_not_gone_on_with(tmp_path: Path) -> None:
     store = tmp_path / "chain.jsonl"
 
-    def sampled(rng: int, *, resume: bool) -> Draws:
-        with closing(Journal(store, resume=resume)) as journal:
-            return sample(
+    def sampled(rng: int, *, resume: bool) -> mr.Draws:
+        with closing(mr.Journal(store, resume=resume)) as journal:
+            return mr.sample(
                 small_fit(), small_test(), walkers=16, rng=rng, most_steps=5, threads=1, journal=journal
             )
 
@@ -182,6 +179,6 @@ def test_another_sampling_is_not_gone_on_with(tmp_path: Path) -> None:
 
 
 def test_too_few_walkers_and_a_prior_that_excludes_the_fit_are_refused() -> None:
-    refusal(sample, small_fit(), small_test(), walkers=8, match="`walkers` is 8 for 5 parameters")
-    prior = {"rho": Uniform(lower=1.0, upper=2.0)}
-    refusal(sample, small_fit(), small_test(), priors=prior, match="64 of 64 walkers")
+    refusal(mr.sample, small_fit(), small_test(), walkers=8, match="`walkers` is 8 for 5 parameters")
+    prior = {"rho": mr.uncertainty.Uniform(lower=1.0, upper=2.0)}
+    refusal(mr.sample, small_fit(), small_test(), priors=prior, match="64 of 64 walkers")

@@ -10,33 +10,27 @@ import pytest
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork import identify
-from mrwork.dampers import Box, damper
-from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.errors import Interrupted
-from mrwork.identification import Fit, Objective
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.records import DamperTest, cut
-from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Profiles
 from mrwork.uncertainty.identifiability.profile import Profile
 from mrwork.uncertainty.identifiability.walks import Course, Point, signed_root
 
-SPEC = damper("static_hysteretic")
+SPEC = mr.damper("static_hysteretic")
 
 
 @pytest.fixture(scope="module")
 def test() -> DamperTest:
-    return cut(synthetic_test("rd1005_1a"), every=4)
+    return cut(mr.synthetic_test("rd1005_1a"), every=4)
 
 
 @pytest.fixture(scope="module")
-def fit(test: DamperTest) -> Fit:
-    return identify(SPEC, test, rng=1)
+def fit(test: DamperTest) -> mr.Fit:
+    return mr.identify(SPEC, test, rng=1)
 
 
 @pytest.fixture(scope="module")
-def found(fit: Fit, test: DamperTest) -> Profiles:
+def found(fit: mr.Fit, test: DamperTest) -> Profiles:
     return mr.profile(fit, [test], threads=1)
 
 
@@ -48,7 +42,7 @@ def walked(normal: NDArray[np.float64], way: Literal[-1, 1], dof: float) -> list
     """The points of a walk of the first parameter on a paraboloid of this curvature, of misfit 1 at its origin."""
     origin = np.full(len(normal), 0.5)
     names = tuple(f"p{index}" for index in range(len(normal)))
-    box = Box(names=names, lower=(0.0,) * 3, upper=(1.0,) * 3, log=(False,) * 3)
+    box = mr.Box(names=names, lower=(0.0,) * 3, upper=(1.0,) * 3, log=(False,) * 3)
     errors = np.sqrt(np.diag(np.linalg.inv(normal)) / dof)
     points = [Point(position=origin, squared=1.0)]
     going = Course(box=box, first=0.5 * errors, limit=1.96, dof=dof).walk(0, way, points)
@@ -76,7 +70,7 @@ def test_a_walk_on_a_parabola_brackets_the_limit(way: Literal[-1, 1]) -> None:
 
 
 def test_intervals_are_those_of_the_information_where_the_data_are_plenty(
-    fit: Fit, test: DamperTest, found: Profiles
+    fit: mr.Fit, test: DamperTest, found: Profiles
 ) -> None:
     for name in ("c", "k", "alpha", "beta", "f0"):
         profile = by_name(found)[name]
@@ -88,9 +82,9 @@ def test_intervals_are_those_of_the_information_where_the_data_are_plenty(
 
 
 @pytest.mark.long
-def test_intervals_hold_the_truth_as_often_as_they_say(fit: Fit, test: DamperTest) -> None:
-    loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
-    clean = simulate_force(SPEC, SPEC.nominal, loading)
+def test_intervals_hold_the_truth_as_often_as_they_say(fit: mr.Fit, test: DamperTest) -> None:
+    loading = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    clean = mr.simulate_force(SPEC, SPEC.nominal, loading)
     rng = np.random.default_rng(12)
     truth = dict(zip(SPEC.names, SPEC.nominal, strict=True))
     start = replace(fit, estimates=tuple(replace(each, value=truth[each.name]) for each in fit.estimates))
@@ -106,11 +100,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say(fit: Fit, test: DamperTes
     assert 52 <= inside <= 59
 
 
-def test_no_other_minimisation_finds_less_at_a_point(fit: Fit, test: DamperTest, found: Profiles) -> None:
+def test_no_other_minimisation_finds_less_at_a_point(fit: mr.Fit, test: DamperTest, found: Profiles) -> None:
     profile = by_name(found)["k"]
-    objective = Objective.of(SPEC, (test,))
+    objective = mr.identification.Objective.of(SPEC, (test,))
     value, misfit = profile.values[1], profile.misfit[1]
-    box = Box.of(SPEC).with_bounds({"k": (value, value)})
+    box = mr.Box.of(SPEC).with_bounds({"k": (value, value)})
     start = np.array(fit.theta)
     start[SPEC.names.index("k")] = value
     other = find_minima(objective, box, start[None], max_iterations=60)
@@ -137,7 +131,7 @@ def test_values_go_upwards_through_the_estimate_and_cross_where_the_interval_end
                 assert (ratio <= found.threshold) == inside or value == profile.estimate
 
 
-def test_a_higher_level_has_a_wider_interval(fit: Fit, test: DamperTest, found: Profiles) -> None:
+def test_a_higher_level_has_a_wider_interval(fit: mr.Fit, test: DamperTest, found: Profiles) -> None:
     wider = mr.profile(fit, [test], parameters=["beta"], level=0.99)
     (beta,) = wider.profiles
     narrow = by_name(found)["beta"]
@@ -148,13 +142,13 @@ def test_a_higher_level_has_a_wider_interval(fit: Fit, test: DamperTest, found: 
     assert beta.interval.lower < narrow.interval.lower < narrow.interval.upper < beta.interval.upper
 
 
-def test_threads_change_no_bit(fit: Fit, test: DamperTest, found: Profiles) -> None:
+def test_threads_change_no_bit(fit: mr.Fit, test: DamperTest, found: Profiles) -> None:
     again = mr.profile(fit, [test], threads=2)
     assert again.profiles == found.profiles
 
 
 def test_a_fixed_parameter_has_no_profile(test: DamperTest) -> None:
-    held = identify(SPEC, test, rng=1, bounds={"x_s": (0.1, 0.1)})
+    held = mr.identify(SPEC, test, rng=1, bounds={"x_s": (0.1, 0.1)})
     found = mr.profile(held, [test])
     assert [each.name for each in found.profiles] == [name for name in SPEC.names if name != "x_s"]
     # What delta lacked was x_s.
@@ -162,7 +156,7 @@ def test_a_fixed_parameter_has_no_profile(test: DamperTest) -> None:
 
 
 def test_a_parameter_on_its_bound_goes_one_way(test: DamperTest) -> None:
-    bounded = identify(SPEC, test, rng=1, bounds={"beta": (100.0, 300.0), "x_s": (0.1, 0.1)})
+    bounded = mr.identify(SPEC, test, rng=1, bounds={"beta": (100.0, 300.0), "x_s": (0.1, 0.1)})
     (beta,) = mr.profile(bounded, [test], parameters=["beta"]).profiles
     assert (beta.interval.lower, beta.interval.lower_end, beta.interval.upper_end) == (
         None,
@@ -173,9 +167,9 @@ def test_a_parameter_on_its_bound_goes_one_way(test: DamperTest) -> None:
 
 
 def test_a_spring_changes_its_sign_with_the_displacement_at_which_it_is_free() -> None:
-    test = cut(synthetic_test("spencer1997_fast"), every=4)
-    model = damper("normalised_bouc_wen")
-    fit = identify(model, test, rng=1)
+    test = cut(mr.synthetic_test("spencer1997_fast"), every=4)
+    model = mr.damper("normalised_bouc_wen")
+    fit = mr.identify(model, test, rng=1)
     (k,) = mr.profile(fit, [test], parameters=["k"], level=0.9999999).profiles
     assert (k.interval.lower_end, k.interval.upper_end) == ("closed", "closed")
     # The stroke of 4 mm hardly tells k, so at such a level the interval reaches across zero or nearly so; wherever it
@@ -184,12 +178,12 @@ def test_a_spring_changes_its_sign_with_the_displacement_at_which_it_is_free() -
     assert np.max(np.abs(np.diff(roots))) < 1.6
 
 
-def test_an_interrupt_keeps_what_there_is(fit: Fit, test: DamperTest, found: Profiles) -> None:
+def test_an_interrupt_keeps_what_there_is(fit: mr.Fit, test: DamperTest, found: Profiles) -> None:
     def stop(progress: mr.Progress) -> None:
         if progress.numbers["points"] >= 10:
             raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted) as interrupt:
+    with pytest.raises(mr.errors.Interrupted) as interrupt:
         mr.profile(fit, [test], on_progress=stop)
     kept = interrupt.value.result
     assert kept.status == "interrupted"
@@ -201,7 +195,7 @@ def test_an_interrupt_keeps_what_there_is(fit: Fit, test: DamperTest, found: Pro
         assert set(each.values[1:-1]) <= set(whole[each.name].values)
 
 
-def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
+def test_a_fit_short_of_its_minimum_is_told(fit: mr.Fit, test: DamperTest) -> None:
     moved = tuple(
         replace(each, value=1.2 * each.value) if each.name == "alpha" else each for each in fit.estimates
     )

@@ -10,18 +10,14 @@ from posterior_samples import MODEL, independent_errors, small_fit, small_sampli
 from refusals import refusal
 from scipy.stats import lognorm, norm, uniform
 
-from mrwork import identify
-from mrwork.dampers import Box, damper
-from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.identification.covariance import effective_samples
+import mrwork as mr
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.records import Observation
 from mrwork.uncertainty import Lognormal, Normal, noise_model
 from mrwork.uncertainty.noise import NOISES
 from mrwork.uncertainty.posterior.laplace import first_walkers, fisher_information, mode_near
 from mrwork.uncertainty.posterior.target import Space, prior_of_text
 
-SPENCER = damper("normalised_bouc_wen")
+SPENCER = mr.damper("normalised_bouc_wen")
 
 
 @pytest.fixture
@@ -95,10 +91,10 @@ def test_the_likelihood_of_independent_noise_is_that_of_its_residuals(rng: np.ra
     target = small_sampling().target
     position = positions(rng)
     test = small_test()
-    loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    loading = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     measured = test.force[test.counted]
     for row, value in zip(target.space.values(position)[0], target(position), strict=True):
-        force = simulate_force(damper(MODEL), row[:4], loading)[test.counted]
+        force = mr.simulate_force(mr.damper(MODEL), row[:4], loading)[test.counted]
         expected = norm(0.0, row[4] * measured.std()).logpdf(measured - force).sum()
         # Densities of force over its deviation, and of force, differ by its logarithm per sample.
         assert value == pytest.approx(expected + measured.size * np.log(measured.std()), rel=1e-10)
@@ -119,7 +115,7 @@ def test_histories_and_sums_of_squares_tell_the_same(rng: np.random.Generator) -
     target = small_sampling().target
     position = positions(rng)
     # A gain of 1 + 1e-13 wants the history, and changes nothing that shows.
-    observed = replace(small_test(), observation=Observation(gain=1.0 + 1e-13))
+    observed = replace(small_test(), observation=mr.records.Observation(gain=1.0 + 1e-13))
     objective = target.objective
     of_histories = replace(target, objective=objective.on(objective.spec, (observed,)))
     assert not of_histories.objective.is_direct
@@ -128,7 +124,7 @@ def test_histories_and_sums_of_squares_tell_the_same(rng: np.random.Generator) -
 
 def test_a_candidate_that_cannot_be_simulated_is_impossible() -> None:
     sampling = small_sampling()
-    box: Box = sampling.target.space.box
+    box: mr.Box = sampling.target.space.box
     position = np.asarray(sampling.target.space.position(np.array([[1e8, 700.0, 1e7, 0.0, 0.1]])))
     assert box.upper[2] == 1e7
     # Too stiff for the sampling step by far.
@@ -140,14 +136,6 @@ def test_tempering_is_the_share_of_independent_residuals_only_where_noise_does_n
     # The noise of the small test is white.
     assert 0.7 < small_sampling(tempering=None).target.temper <= 1.0
     assert small_sampling(tempering=0.25).target.temper == 0.25
-
-
-@pytest.mark.parametrize("phi", [0.0, 0.5, 0.95])
-def test_correlated_residuals_are_worth_what_theory_says(phi: float) -> None:
-    residual = NOISES["ar1"].draw(20_000, np.tile([1.0, phi], (8, 1)), np.random.default_rng(4))
-    worth = effective_samples(residual) / len(residual)
-    # (1 - phi) / (1 + phi); the estimate of 8 rows scatters by a few per cent.
-    assert worth / 20_000 == pytest.approx((1.0 - phi) / (1.0 + phi), rel=0.15)
 
 
 def test_walkers_start_where_the_fisher_information_says(rng: np.random.Generator) -> None:
@@ -167,7 +155,7 @@ def test_a_chain_starts_at_the_mode_whatever_weights_the_fit_had() -> None:
     strong = replace(weak, name="strong", force=3.0 * weak.force + 2000.0 * weak.velocity)
     behind = {}
     for exponent in (1.0, 0.0):
-        fit = identify("bingham", (weak, strong), force_exponent=exponent, rng=0)
+        fit = mr.identify("bingham", (weak, strong), force_exponent=exponent, rng=0)
         sampling = small_sampling("iid", fit, weak, strong)
         target = sampling.target
         mode = mode_near(target, sampling.target.start)
@@ -204,7 +192,7 @@ def test_another_form_is_refused_with_the_forms_there_are(text: str) -> None:
 
 @pytest.mark.parametrize("model", ["viscous_dahl", "normalised_bouc_wen"])
 def test_information_is_that_of_the_residuals_over_the_position(model: str) -> None:
-    fit = small_fit() if model == small_fit().model else identify(model, small_test(), rng=0, threads=1)
+    fit = small_fit() if model == small_fit().model else mr.identify(model, small_test(), rng=0, threads=1)
     target = small_sampling("iid", fit, tempering=0.5).target
     theta = np.asarray(target.form.box.inside(target.form.from_model(np.array(fit.theta))))
     values = target.space.box.inside(np.concatenate([theta, NOISES["iid"].parameters and [0.05]]))
