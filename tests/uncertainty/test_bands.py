@@ -355,6 +355,23 @@ def test_a_band_is_as_wide_as_the_tests_at_its_command_need() -> None:
         assert held[prediction.test.label].coverage == pytest.approx(0.9, abs=0.06)
 
 
+def test_the_test_to_run_has_the_frequencies_of_the_motion() -> None:
+    """The mean of those of a random motion is a frequency that was tested, where the slowest was not."""
+    calibration = calibrate(group(np.random.default_rng(5), 6), held_out="")
+    time = 0.01 * np.arange(4001)
+    x = 0.01 * np.sin(2.0 * np.pi * (0.2 * time + 0.01 * time**2))
+    v = np.gradient(x, time)
+    test = replace(
+        sinusoid(0.01, 1.0), dt=0.01, displacement=x, velocity=v, force=DAMPING * v + STIFFNESS * x
+    )
+    asked = beyond(Prediction(test=test, model_force=test.force), 1.0, (0.5, 3.0))
+    missing = calibration.test_to_run(asked)
+    assert missing is not None
+    slowest, fastest = range_of_tests([test]).frequency or (0.0, 0.0)
+    assert slowest < 0.45 < 0.8 < fastest
+    assert f"test a motion like it, of 10 mm from {slowest:.3g} to {fastest:.3g} Hz" in missing.message
+
+
 def test_a_motion_that_repeats_beyond_those_that_do_not_has_no_band() -> None:
     known = [growing(each) for each in group(np.random.default_rng(5), 6)]
     calibration = calibrate(known, held_out="", beyond=[growing(faster(1.4))])

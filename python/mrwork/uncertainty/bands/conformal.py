@@ -60,6 +60,8 @@ _DRIVEN = ("stroke", "velocity", "frequency", "command")
 _FARTHER = 0.05
 # Times that small half cycles may be smaller than those of the calibration, where the band is as much wider.
 _SMALLER = 1.5
+# Factor between the slowest and the fastest cycles of a motion up to which it is of one frequency.
+_ONE_FREQUENCY = 1.1
 _NO_BAND = RemarkKind("band_missing", "no band for {0}: {why}", "test {test}, and fit it or calibrate on it")
 _NEW_MOTION = RemarkKind(
     "motion_of_new_kind",
@@ -239,7 +241,11 @@ class Calibration(Summarised):
             return None
         test = prediction.test
         demand = range_of_test(test, self.tested.command_unit)
-        at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
+        at, (slowest, fastest) = "", demand.frequency or (0.0, 0.0)
+        if fastest > _ONE_FREQUENCY * slowest:
+            at = f" from {slowest:.3g} to {fastest:.3g} Hz"
+        elif fastest:
+            at = f" at {0.5 * (slowest + fastest):.3g} Hz"
         motion = "" if prediction.n_cycles else "a motion like it, of "
         command = f" and {test.command_in_words}" if test.commands else ""
         return _NO_BAND.remark(
