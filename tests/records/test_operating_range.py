@@ -79,6 +79,16 @@ def test_ranges_of_a_sinusoid_are_those_of_its_equation() -> None:
     assert found.power == pytest.approx(400.0 * 4 * 0.01 * 2.0 + 0.5 * 900.0 * found.velocity**2, rel=0.05)
 
 
+def test_the_force_of_a_model_counts_where_it_is_compared() -> None:
+    """A state at rest under a motion that begins at speed gives one sample of many times the force."""
+    test = replace(a_test(0.01, 2.0), n_settle=20, uncompared=((100, 110),))
+    force = test.force.copy()
+    force[[0, 105]] = -1e5
+    found, expected = (range_of_test(test, None, each) for each in (force, test.force))
+    assert (found.force, found.power) == (expected.force, expected.power)
+    assert found.force < 1e3
+
+
 def test_an_offset_of_the_displacement_is_no_stroke() -> None:
     moved = replace(a_test(0.01, 2.0), displacement=a_test(0.01, 2.0).displacement + 0.2)
     assert range_of_tests([moved]).stroke == pytest.approx(0.01, rel=1e-6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -90,3 +91,25 @@ def test_strokes_of_one_way_are_not_characterised_and_it_is_said_why(
         command_refusal(*words, *quiet, match="no test to fit turns back") for quiet in ((), ("--quiet",))
     ]
     assert ["\r" in each for each in said] == [True, False]
+
+
+def test_a_test_that_is_kept_is_compared_with_the_others_before_a_fit(tmp_path: Path) -> None:
+    """Without it, of two tests at one command neither is known to be wrong."""
+    rig = tmp_path / "rig"
+    rig.mkdir()
+    time = np.arange(0.0, 4.0, 0.005)
+    for number in range(5):
+        speed = 2.0 * np.pi * (0.8 + 0.1 * number)
+        x, v = 0.01 * np.sin(speed * time), 0.01 * speed * np.cos(speed * time)
+        force = (3.0 if number == 2 else 1.0) * (200.0 * np.tanh(v / 0.005) + 900.0 * v)
+        record = {"t_s": time, "displacement_m": x, "force_n": force, "current_a": np.full(time.size, 0.5)}
+        write_text(rig / f"sine{number}.csv", record)
+    strokes = {"t_s": time, "displacement_m": 0.01 * time, "force_n": 60.0 + 10.0 * time}
+    write_text(rig / "stroke.csv", strokes)
+    columns = "t_s:s,displacement_m:m,force_n:N,"
+    rows = [f"sine{number}.csv,test,{columns},current_a:A," for number in range(5)]
+    table = ["file,use,time,displacement,force,velocity,command,doubt", f"stroke.csv,fit,{columns},,", *rows]
+    (rig / "tests.csv").write_text("\n".join(table) + "\n")
+    said = command_refusal("characterise", rig, "--out", tmp_path / "out", match="no test to fit turns back")
+    assert len(re.findall(r"dissipates \d+ % more", said)) == 1
+    assert re.search(r"sine2.csv: dissipates \d+ % more than the other tests at 0.5 A", said)

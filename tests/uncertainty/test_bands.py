@@ -258,9 +258,11 @@ def test_a_band_is_wider_in_half_cycles_shorter_than_those_of_the_calibration() 
     # Half cycles of 20, 15, 10, 15, 20, 11, 2 mm, of which the fourth and fifth follow shorter ones.
     strokes = np.array([20.0, 15.0, 10.0, 10.0, 15.0, 11.0, 2.0])
     expected = np.minimum(20.0 / strokes, 3.0)[np.searchsorted(peaks[1:-1], np.arange(801), side="right")]
+    # Half cycles of 2, 10 and 11 mm make a fifth of the travel of 93 mm: it is 20 / 11 times smaller throughout.
+    expected *= 20.0 / 11.0
     shape = replace(calibration.shape, shortest=0.0)
     band, narrow = (band_of(each, asked, 0.9) for each in (calibration, replace(calibration, shape=shape)))
-    assert "in shorter half cycles than theirs up to 3 times as wide" in band.basis
+    assert "in shorter half cycles than theirs up to 5.5 times as wide" in band.basis
     assert (band.upper - band.lower) / (narrow.upper - narrow.lower) == pytest.approx(expected, rel=1e-3)
     # Errors of fits without such tests are not widened once more.
     tested = replace(calibration.tested, velocity=range_of_tests([asked.test]).velocity / 1.3)
@@ -272,6 +274,102 @@ def test_a_band_is_wider_in_half_cycles_shorter_than_those_of_the_calibration() 
     small = replace(asked, test=replace(asked.test, displacement=0.1 * sinusoid(0.01, 1.0).displacement))
     of_small = band_of(calibration, small, 0.9)
     assert of_small.upper - of_small.lower == pytest.approx(narrow.upper - narrow.lower)
+
+
+@pytest.mark.parametrize(("small", "has_band"), [(0.8, True), (0.7, True), (0.6, False)])
+def test_small_half_cycles_have_a_wider_band_up_to_a_factor(small: float, has_band: bool) -> None:
+    *known, asked = group(np.random.default_rng(8), 7)
+    calibration = calibrate(known, held_out="")
+    x = np.where(np.arange(801) < 400, 1.0, small) * asked.test.displacement
+    asked = replace(asked, test=replace(asked.test, displacement=x))
+    demand = range_of_tests([asked.test])
+    assert demand.least_stroke == pytest.approx(0.01 * small)
+    tested = replace(range_of_tests([each.test for each in known]), velocity=demand.velocity, frequency=None)
+    asked = replace(asked, outside=Outside(exceedances=tested.exceeded_by(demand)))
+    assert asked.outside.names[0] == "stroke"
+    band = calibration.band(asked, 0.9)
+    assert (band is not None) is has_band
+    missing = calibration.test_to_run(asked)
+    if band is None:
+        assert missing is not None
+        assert "a motion like it, of 10 mm" in missing.message
+        return
+    assert missing is None
+    assert "beyond the tests" not in band.basis
+    narrow = band_of(replace(calibration, shape=replace(calibration.shape, shortest=0.0)), asked, 0.9)
+    # Half cycles of the calibration, in a motion with smaller ones, and these, of which each follows another.
+    for sample, ratio in ((300, 1.0 / small), (650, 1.0 / small**2)):
+        widths = [(each.upper - each.lower)[sample] for each in (band, narrow)]
+        assert widths[0] / widths[1] == pytest.approx(ratio, rel=1e-3)
+
+
+def test_a_band_is_wider_where_the_motion_is_faster_than_that_of_any_test() -> None:
+    """A sine is as fast in every cycle as a motion that grows is in its last."""
+    known = [growing(each) for each in group(np.random.default_rng(5), 6)]
+    calibration = calibrate(known, held_out="")
+    fastest = max(float(np.sqrt(np.mean(each.test.velocity**2))) for each in known)
+    widths = []
+    for ratio in (0.5, 1.0, 1.4):
+        test = sinusoid(0.01, 1.0)
+        speed = float(np.sqrt(np.mean(test.velocity**2)))
+        test = replace(test, velocity=ratio * fastest / speed * test.velocity)
+        band = band_of(calibration, Prediction(test=test, model_force=test.force), 0.9)
+        widths.append(float(np.mean(band.upper - band.lower)))
+        assert ("1.4 times as wide" in band.basis) is (ratio > 1.0)
+    assert widths[1:] == pytest.approx([widths[0], 1.4 * widths[0]])
+
+
+def test_a_band_is_as_wide_as_the_tests_at_its_command_need() -> None:
+    rng = np.random.default_rng(3)
+    sizes = {0.0: 0.2, 0.5: 0.07, 1.0: 0.07}
+
+    def at(current: float, size: float, frequency: float = 1.5) -> Prediction:
+        test = sinusoid(0.01, frequency, current=current)
+        error = size * np.std(test.force) * rng.standard_normal(test.n_time)
+        return Prediction(test=replace(test, force=test.force + error), model_force=test.force)
+
+    frequencies = 1.0, 1.2, 1.4, 1.6, 1.8
+    known = [at(current, size, each) for current, size in sizes.items() for each in frequencies]
+    calibration = calibrate(known, held_out="")
+    asked = {current: at(current, sizes.get(current, 0.1)) for current in (0.0, 0.25, 0.5, 1.0)}
+    bands = {current: band_of(calibration, prediction, 0.9) for current, prediction in asked.items()}
+    assert score(bands[0.0], asked[0.0].measured).coverage == pytest.approx(0.9, abs=0.03)
+    widths = {current: float(np.mean(band.upper - band.lower)) for current, band in bands.items()}
+    assert widths[0.5] == pytest.approx(widths[1.0])
+    assert widths[0.0] > 1.2 * widths[0.5]
+    assert widths[0.25] == pytest.approx(0.5 * (widths[0.0] + widths[0.5]))
+    # A command that varies has the width of the command of each sample.
+    varying, *constant = (
+        band_of(calibration, replace(asked[0.0], test=replace(asked[0.0].test, current=current)), 0.9)
+        for current in (np.linspace(0.0, 0.5, 801), 0.0, 0.5)
+    )
+    for sample, band in zip((0, -1), constant, strict=True):
+        assert (varying.upper - varying.lower)[sample] == pytest.approx((band.upper - band.lower)[sample])
+    # Two tests at a command tell little of the next.
+    few = calibrate([*known[:2], *known[5:]], held_out="")
+    same = [band_of(few, asked[current], 0.9) for current in (0.0, 1.0)]
+    assert same[0].upper - same[0].lower == pytest.approx(same[1].upper - same[1].lower)
+    # Each test of the calibration is judged by the others in the same way.
+    held = {entry.test: entry.samples for entry in measured_coverage(known, (0.9,))}
+    for prediction in known[:5]:
+        assert held[prediction.test.label].coverage == pytest.approx(0.9, abs=0.06)
+
+
+def test_the_test_to_run_has_the_frequencies_of_the_motion() -> None:
+    """The mean of those of a random motion is a frequency that was tested, where the slowest was not."""
+    calibration = calibrate(group(np.random.default_rng(5), 6), held_out="")
+    time = 0.01 * np.arange(4001)
+    x = 0.01 * np.sin(2.0 * np.pi * (0.2 * time + 0.01 * time**2))
+    v = np.gradient(x, time)
+    test = replace(
+        sinusoid(0.01, 1.0), dt=0.01, displacement=x, velocity=v, force=DAMPING * v + STIFFNESS * x
+    )
+    asked = beyond(Prediction(test=test, model_force=test.force), 1.0, (0.5, 3.0))
+    missing = calibration.test_to_run(asked)
+    assert missing is not None
+    slowest, fastest = range_of_tests([test]).frequency or (0.0, 0.0)
+    assert slowest < 0.45 < 0.8 < fastest
+    assert f"test a motion like it, of 10 mm from {slowest:.3g} to {fastest:.3g} Hz" in missing.message
 
 
 def test_a_motion_that_repeats_beyond_those_that_do_not_has_no_band() -> None:

@@ -160,7 +160,11 @@ def _fitting(
 
     reading = reading_of_rows(_of_use(rows, "fit"))
     tests = _read(options, reading)
-    remarks = told_remarks("identify", tests, options)
+    kept = [row for row in rows if row.use in ("calibration", "test")]
+    # Which test is unlike the others is told by all of them.
+    remarks = told_remarks(
+        "identify", [*tests, *(_read(options, reading_of_rows(kept)) if kept else ())], options
+    )
     for test in tests:
         refuse_velocity(test)
     if all(ONE_WAY.code in {remark.code for remark in test.remarks} for test in tests):

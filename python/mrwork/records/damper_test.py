@@ -356,13 +356,18 @@ _RARE = 0.1
 
 
 def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | None = None) -> OperatingRange:
-    """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
+    """Ranges of a test with its command in `unit`.
+
+    The `force` of a model [N], shape (n_time,), replaces the measured one where it is compared: it starts from a state
+    of its own.
+    """
     load = test.force if force is None else force
     if load.size != test.n_time:
         raise SettingError(
             f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
         )
-    command = test.command_in(unit)
+    compared = slice(None) if force is None else test.counted
+    load, command = load[compared], test.command_in(unit)
     return OperatingRange(
         stroke=0.5 * float(np.ptp(test.displacement)),
         velocity=_peak(test.velocity),
@@ -371,7 +376,7 @@ def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | N
         command_unit=None if command is None else unit,
         levels=() if command is None or unit is None else Command(command, unit).levels,
         force=_peak(load),
-        power=max(0.0, float(np.mean(load * test.velocity))),
+        power=max(0.0, float(np.mean(load * test.velocity[compared]))),
         least_stroke=least_stroke(test.displacement),
     )
 

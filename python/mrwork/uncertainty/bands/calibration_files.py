@@ -51,6 +51,8 @@ def _thousandths(value: float) -> str:
 
 
 _VERB = "calibrate"
+# Fields of the scores that are errors.
+_ERRORS = ("about_mean", "about_force")
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
 
@@ -154,7 +156,8 @@ def write_bands(path: Path, bands: StoredBands) -> None:
     """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
     calibration = bands.calibration
     document = asdict(calibration) | {
-        "scores": {name: _rounded(scores) for name, scores in asdict(calibration.scores).items()},
+        "scores": asdict(calibration.scores)
+        | {name: _rounded(scores) for name, scores in named(calibration.scores, *_ERRORS).items()},
         "reach": [
             asdict(test_reach) | {"scores": _rounded(test_reach.scores)} for test_reach in calibration.reach
         ],
@@ -180,7 +183,8 @@ def read_calibration(run: RunFolder) -> Calibration:
     calibration = stored_calibration(run)
     if calibration is None:
         raise RecordError(
-            f"{run.path} has no calibrated bands; run `mrwork calibrate {run.path}` with tests the fit has not seen"
+            f"{run.path} has no calibrated bands; run `mrwork calibrate {run.path}`, which leaves out each test in "
+            "turn, or give it tests that the fit has not seen"
         )
     return calibration
 

@@ -19,6 +19,7 @@ from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import CommandValues
 from mrwork.dampers.law_sets import is_untested
 from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
 from mrwork.errors import SettingError
@@ -57,6 +58,10 @@ _LEAST_TO_SCATTER = 4
 _DRIVEN = ("stroke", "velocity", "frequency", "command")
 # Share by which a prediction may be farther beyond the tests than the tests that were left out for that.
 _FARTHER = 0.05
+# Times that small half cycles may be smaller than those of the calibration, where the band is as much wider.
+_SMALLER = 1.5
+# Factor between the slowest and the fastest cycles of a motion up to which it is of one frequency.
+_ONE_FREQUENCY = 1.1
 _NO_BAND = RemarkKind("band_missing", "no band for {0}: {why}", "test {test}, and fit it or calibrate on it")
 _NEW_MOTION = RemarkKind(
     "motion_of_new_kind",
@@ -135,6 +140,10 @@ def _least_by_binomial(prediction: Prediction, band: Band, chance: float) -> flo
     return float(np.searchsorted(scipy.special.bdtr(np.arange(n + 1), n, band.level), chance)) / n
 
 
+def _at_compared(command: CommandValues | None, test: DamperTest) -> CommandValues | None:
+    return command[test.counted] if isinstance(command, np.ndarray) else command
+
+
 def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
     """Quantity of an exceedance, and whether it is below the tests; a command is only known where it was tested."""
     return exceedance.quantity, exceedance.below and exceedance.quantity != "command"
@@ -203,10 +212,17 @@ class Calibration(Summarised):
         """What is farther beyond the tests than the model was tried, where no band is known.
 
         Several quantities are, each of which was tried, if no test that was left out is so far beyond in all of them. A
-        motion that repeats is beyond in every cycle, and others, which are for moments, do not tell of it.
+        motion that repeats is beyond in every cycle, and others, which are for moments, do not tell of it. In small
+        half cycles of one that does not the band is wider, by their size; they count from 1.5 times smaller ones on.
         """
         beyond, tried = self.beyond(prediction), {reach.side: reach for reach in self.reach}
-        if not self.n_repeating and prediction.n_cycles:
+        if not prediction.n_cycles:
+            beyond = tuple(
+                exceedance
+                for exceedance in beyond
+                if side_of(exceedance) != ("stroke", True) or exceedance.severity > _SMALLER
+            )
+        elif not self.n_repeating:
             return beyond
         as_far = [
             set[str]() if exceedance.between or reach is None else reach.tests_as_far(exceedance)
@@ -225,7 +241,11 @@ class Calibration(Summarised):
             return None
         test = prediction.test
         demand = range_of_test(test, self.tested.command_unit)
-        at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
+        at, (slowest, fastest) = "", demand.frequency or (0.0, 0.0)
+        if fastest > _ONE_FREQUENCY * slowest:
+            at = f" from {slowest:.3g} to {fastest:.3g} Hz"
+        elif fastest:
+            at = f" at {0.5 * (slowest + fastest):.3g} Hz"
         motion = "" if prediction.n_cycles else "a motion like it, of "
         command = f" and {test.command_in_words}" if test.commands else ""
         return _NO_BAND.remark(
@@ -247,17 +267,23 @@ class Calibration(Summarised):
         centre, scale = self.shape.of(prediction)
         beyond, basis, test = self.beyond(prediction), self.basis, prediction.test
         sides = {side_of(exceedance) for exceedance in beyond}
-        farther = [reach_of_test.scores for reach_of_test in self.reach if reach_of_test.side in sides]
-        own = self.scores.of(periodic=prediction.n_cycles > 0)
-        multiple, wider = next_test_quantile(own, level), self.shape.wider(prediction)
-        most = max((next_test_quantile(scores, level) for scores in farther), default=0.0)
+        farther = [reach_of_test for reach_of_test in self.reach if reach_of_test.side in sides]
+        wider = self.shape.wider(prediction)
+        command = test.command_in(self.tested.command_unit)
+        multiple = self.scores.multiple(
+            level, periodic=prediction.n_cycles > 0, command=_at_compared(command, test)
+        )
+        most = max((next_test_quantile(reach.scores, level) for reach in farther), default=0.0)
         half = scale * np.maximum(multiple, most / wider)
-        if wider.max() > 1.0:
+        faster = self.shape.faster(prediction)
+        if wider.max() > faster:
             basis += f"; in shorter half cycles than theirs up to {wider.max():.2g} times as wide"
-        between = is_untested(self.tested, test.command_in(self.tested.command_unit))
-        open_to_laws = np.broadcast_to(between | bool(beyond), (test.n_time,))[test.counted]
-        if beyond:
-            names = ", ".join(exceedance.quantity for exceedance in beyond)
+        elif faster > 1.0:
+            basis += f"; {faster:.2g} times as wide, as the rms velocity is that of the fastest of them"
+        between = is_untested(self.tested, command)
+        open_to_laws = np.broadcast_to(between | bool(farther), (test.n_time,))[test.counted]
+        if farther:
+            names = ", ".join(dict.fromkeys(reach.quantity for reach in farther))
             basis += f"; beyond the tests in {names}, widened by the errors of fits without such tests"
         elif open_to_laws.any() and len(prediction.other_forces):
             basis += "; between the tested commands, widened by other laws that predict nearly as well"
@@ -280,15 +306,10 @@ class Calibration(Summarised):
         """
         import scipy  # slow to load
 
-        scores, level = self.scores.of(periodic=prediction.n_cycles > 0), band.level
         chance = _BY_CHANCE / among
-        if len(scores) < _LEAST_TO_SCATTER:
+        if len(self.tests) < _LEAST_TO_SCATTER:
             return 0.0
-        others = [scores[:index] + scores[index + 1 :] for index in range(len(scores))]
-        held = [
-            float(np.mean(own <= next_test_quantile(rest, level)))
-            for own, rest in zip(scores, others, strict=True)
-        ]
+        held = self.scores.held_by_others(band.level, periodic=prediction.n_cycles > 0)
         deviation = float(np.std(held, ddof=1) * np.sqrt(1.0 + 1.0 / len(held)))
         of_next = float(np.mean(held) + scipy.special.stdtrit(len(held) - 1, chance) * deviation)
         return max(min(of_next, _least_by_binomial(prediction, band, chance)), 0.0)
@@ -384,7 +405,8 @@ def calibrate(
             f"a band is calibrated on tests that the fit has not seen, but {likenesses_in_words(seen)}; "
             "give tests at other motions or commands"
         )
-    errors = [ErrorGroup.of(members) for members in groups]
+    tested = range_of_tests([member.test for members in groups for member in members])
+    errors = [ErrorGroup.of(members, tested.command_unit) for members in groups]
     shape, scores = calibrate_shape(best_variant(errors), errors)
     return Calibration(
         shape=shape,
@@ -394,7 +416,7 @@ def calibrate(
         held_out=held_out,
         motions=motions,
         seen=seen,
-        tested=range_of_tests([member.test for members in groups for member in members]),
+        tested=tested,
         reach=Reach.of(beyond, shape),
     )
 
@@ -426,7 +448,8 @@ def measured_coverage(
             f"coverage is measured on tests that the calibration does not know, {count}; give at least two"
         )
     energy = [[energy_errors(member) for member in members] for members in groups]
-    errors_of = [ErrorGroup.of(members) for members in groups]
+    unit = range_of_tests([member.test for members in groups for member in members]).command_unit
+    errors_of = [ErrorGroup.of(members, unit) for members in groups]
     rows = []
     for index, (members, variant) in enumerate(
         zip(groups, best_variants_without_each(errors_of), strict=True)
@@ -434,10 +457,13 @@ def measured_coverage(
         shape, scores = calibrate_shape(variant, [*errors_of[:index], *errors_of[index + 1 :]])
         others = [np.concatenate(errors) for number, errors in enumerate(energy) if number != index]
         others = [other for other in others if other.size]
-        own = scores.of(periodic=errors_of[index].periodic)
-        multiples = [next_test_quantile(own, level) for level in levels]
         for prediction, errors in zip(members, energy[index], strict=True):
             centre, scale = shape.of(prediction)
+            command = _at_compared(prediction.test.command_in(unit), prediction.test)
+            multiples = [
+                scores.multiple(level, periodic=errors_of[index].periodic, command=command)
+                for level in levels
+            ]
             deviation = float(np.std(prediction.measured))
             for level, multiple in zip(levels, multiples, strict=True):
                 inside = float("nan")

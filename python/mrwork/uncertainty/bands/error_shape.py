@@ -7,6 +7,7 @@ normal equations, and its mean error over the cycle.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -14,9 +15,11 @@ from itertools import combinations, product
 import numpy as np
 
 from mrwork.base.arguments import NotNegative
+from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import CommandValues, command_level
 from mrwork.dampers.tested_range import least_stroke
-from mrwork.uncertainty.bands.band import pooled_quantile
+from mrwork.uncertainty.bands.band import next_test_quantile, pooled_quantile
 from mrwork.uncertainty.bands.prediction import Prediction, are_one_motion, motion_of
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
@@ -25,8 +28,10 @@ _COMPARED_AT = 0.9
 _LEAST_TO_CHOOSE = 4
 # Largest number of evenly spaced samples of each test.
 _SAMPLES = 1000
-# Times that errors are larger, at most, in half cycles shorter than those of the calibration.
-_MOST_IN_SHORT = 3.0
+# Times that errors are larger, at most, in half cycles shorter, or of a motion faster, than those of the calibration.
+_MOST_WIDER = 3.0
+# Tests at a command that tell of the errors there.
+_LEAST_AT_COMMAND = 3
 _CENTRES = -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
 
 
@@ -35,8 +40,10 @@ class ErrorShape:
     """Scale of the errors of a test, `deviation (level + slope steepness) + floor` [N], of the model's force.
 
     Half cycles below the `shortest` [m] of the calibration leave the model in another state than the damper: there and
-    in the next ones it is larger by the ratio of their strokes, up to three times, unless the motion repeats. `bias`
-    [deviations], shape (n_bins,) or empty, is the mean error over the phase of periodic tests.
+    in the next ones it is larger by the ratio of their strokes, up to three times, unless the motion repeats. So it is
+    throughout a motion whose small half cycles are smaller, or whose rms velocity is larger, than `speed` [m/s] of the
+    fastest test, 0 if unknown. `bias` [deviations], shape (n_bins,) or empty, is the mean error over the phase of
+    periodic tests.
     """
 
     level: NotNegative = 1.0
@@ -44,6 +51,7 @@ class ErrorShape:
     floor: NotNegative = 0.0
     bias: tuple[float, ...] = ()
     shortest: NotNegative = 0.0
+    speed: NotNegative = 0.0
 
     def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
         """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
@@ -58,10 +66,22 @@ class ErrorShape:
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
     def wider(self, prediction: Prediction) -> Floats:
-        """Factor of the scale in and after half cycles shorter than those of the calibration, shape (n_counted,)."""
+        """Factor of the scale by which motion is faster or smaller than in the calibration, shape (n_counted,)."""
+        throughout = max(self.faster(prediction), self.smaller(prediction))
         # Of a damper that rests there is none.
         strokes = np.maximum(prediction.half_cycles, np.finfo(float).tiny)
-        return np.clip(self.shortest / strokes, 1.0, _MOST_IN_SHORT)
+        return throughout * np.clip(self.shortest / strokes, 1.0, _MOST_WIDER)
+
+    def faster(self, prediction: Prediction) -> float:
+        """Rms velocity per that of the fastest test of the calibration, from 1 to 3."""
+        return float(np.clip(prediction.speed / self.speed, 1.0, _MOST_WIDER)) if self.speed else 1.0
+
+    def smaller(self, prediction: Prediction) -> float:
+        """Shortest stroke of the calibration per that of small half cycles, from 1 to 3; 1 if the motion repeats."""
+        if prediction.n_cycles:
+            return 1.0
+        stroke = 2.0 * max(least_stroke(prediction.test.displacement), np.finfo(float).tiny)
+        return float(np.clip(self.shortest / stroke, 1.0, _MOST_WIDER))
 
 
 def _over_cycle(phase: Floats, bias: Sequence[float]) -> Floats:
@@ -92,8 +112,9 @@ class ErrorGroup:
     """Errors of a test, or of tests that are alike, at evenly spaced samples.
 
     Arrays have shape (n_samples,): `error` [N], `deviation` and `measured`, the standard deviations of the model's and
-    the measured force [N]; half cycles up to the `shortest` [m] make a fifth of the travel; `motion` are stroke [m] and
-    length of a cycle [s]. `normal` and `right` are of the least squares for the terms of the scale, and `curve`,
+    the measured force [N]; half cycles up to the `shortest` [m] make a fifth of the travel; `speed` [m/s] is the rms
+    velocity; `command` is the constant one, `None` if it varies or is unknown; `motion` are stroke [m] and length of a
+    cycle [s]. `normal` and `right` are of the least squares for the terms of the scale, and `curve`,
     (n_bins,), is the mean error over the cycle [deviations].
     """
 
@@ -104,14 +125,17 @@ class ErrorGroup:
     measured: Floats
     periodic: bool
     shortest: float
+    speed: float
+    command: float | None
     motion: tuple[float, float]
     normal: Floats
     right: Floats
     curve: Floats
 
     @classmethod
-    def of(cls, members: Sequence[Prediction]) -> ErrorGroup:
-        """Sample the errors of the predictions of alike tests."""
+    def of(cls, members: Sequence[Prediction], unit: CommandUnit | None = None) -> ErrorGroup:
+        """Sample the errors of the predictions of alike tests, with their command in this unit."""
+        command = members[0].test.command_in(unit)
         columns = []
         for member in members:
             every = slice(None, None, max(1, member.force.size // _SAMPLES))
@@ -131,6 +155,8 @@ class ErrorGroup:
             measured=measured,
             periodic=all(member.n_cycles for member in members),
             shortest=2.0 * min(least_stroke(member.test.displacement) for member in members),
+            speed=max(member.speed for member in members),
+            command=command_level(command, unit) if unit and isinstance(command, float) else None,
             motion=motion_of(members[0].test),
             normal=terms * weight @ terms.T,
             right=terms @ (weight * np.abs(error)),
@@ -149,20 +175,62 @@ class ErrorGroup:
 class Scores:
     """Absolute errors of each test in a scale: about the mean over the cycle of the others, or the model's force.
 
-    Tests whose motion does not repeat have no such mean, and all their error is about the model's force.
+    Tests whose motion does not repeat have no such mean, and all their error is about the model's force. `commands` are
+    those of the tests, `None` where one varies or is unknown; empty if none is known.
     """
 
     about_mean: tuple[Floats, ...]
     about_force: tuple[Floats, ...]
+    commands: tuple[float | None, ...] = ()
 
     def of(self, *, periodic: bool) -> tuple[Floats, ...]:
         """Those that stand for the errors of a test whose motion repeats, or does not."""
         return self.about_mean if periodic else self.about_force
 
+    def multiple(self, level: float, *, periodic: bool, command: CommandValues | None) -> Floats:
+        """Half width of the band of a further test at this command, in the scale of its errors.
+
+        It is the `next_test_quantile` of all tests, or what the tests at this command need, at least three, if that is
+        more; it is linear between tested commands. (Quantiles of classes: Vovk, Gammerman and Shafer, 2005, ch. 4.5.)
+        """
+        scores = self.of(periodic=periodic)
+        of_all = next_test_quantile(scores, level)
+        at_command = defaultdict[float, list[Floats]](list)
+        for own_command, own in zip(self.commands, scores, strict=False):
+            if own_command is not None:
+                at_command[own_command].append(own)
+        if command is None or not at_command:
+            return np.array(of_all)
+        tested = sorted(at_command)
+        needed = [
+            of_all
+            if len(at_command[each]) < _LEAST_AT_COMMAND
+            else max(of_all, pooled_quantile(at_command[each], level))
+            for each in tested
+        ]
+        return np.asarray(np.interp(np.asarray(command), tested, needed))
+
+    def held_by_others(self, level: float, *, periodic: bool) -> list[float]:
+        """Share of the errors of each test in the band of the others."""
+        held = []
+        for index, own in enumerate(self.of(periodic=periodic)):
+            others = Scores(
+                about_mean=self.about_mean[:index] + self.about_mean[index + 1 :],
+                about_force=self.about_force[:index] + self.about_force[index + 1 :],
+                commands=self.commands[:index] + self.commands[index + 1 :],
+            )
+            command = self.commands[index] if self.commands else None
+            held.append(float(np.mean(own <= others.multiple(level, periodic=periodic, command=command))))
+        return held
+
 
 def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[ErrorShape, Scores]:
     """Shape fitted to groups of tests, and their errors in its scale."""
-    shape = replace(_fit_scale(variant, groups), shortest=min(group.shortest for group in groups))
+    shape = replace(
+        _fit_scale(variant, groups),
+        shortest=min(group.shortest for group in groups),
+        speed=max(group.speed for group in groups),
+    )
     about_force = tuple(group.scores(shape)[0] for group in groups)
     about_mean = about_force
     if variant.biased:
@@ -171,7 +239,8 @@ def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[Err
         biased = [replace(shape, bias=tuple(bias.tolist())) for bias in others]
         about_mean = tuple(group.scores(own)[0] for group, own in zip(groups, biased, strict=True))
         shape = replace(shape, bias=tuple((total / len(groups)).tolist()))
-    return shape, Scores(about_mean=about_mean, about_force=about_force)
+    commands = tuple(group.command for group in groups)
+    return shape, Scores(about_mean=about_mean, about_force=about_force, commands=commands)
 
 
 def best_variant(groups: Sequence[ErrorGroup]) -> Variant:

@@ -113,6 +113,11 @@ class Prediction(Plotted, WithAxes, Summarised):
         return np.asarray(np.abs(padded[2 * reach :] - padded[: -2 * reach]) / self.deviation)
 
     @property
+    def speed(self) -> float:
+        """Root mean square of the velocity [m/s] at the compared samples."""
+        return rms(self.test.velocity[self.test.counted])
+
+    @property
     def half_cycles(self) -> Floats:
         """Stroke [m] of the half cycle of each sample, or of the one before, which it starts from, if that is shorter.
 
