@@ -302,7 +302,7 @@ def uncompared_spans(signals: Signals, velocity: Floats) -> tuple[tuple[int, int
 
 # Samples to either side of a corner, from which its change of velocity is seen, and seen again twice as far.
 _BESIDE: Final = 2
-# Least share of the second change in the first: 1 of a corner, 1/2 of a motion that bends throughout.
+# Least share of either change in the other: 1 of a corner, 1/2 of a motion that bends throughout, or of a jump.
 _OF_CORNER: Final = 0.75
 # Least change, in the largest velocity and in its standard errors, and of the force, in its usual steps.
 _LEAST_CHANGE: Final = 0.2
@@ -334,7 +334,8 @@ def corners(signals: Signals | DamperTest, motion: SmoothMotion, remarks: list[R
 
     near, far = changes(_BESIDE)[_BESIDE:-_BESIDE], changes(2 * _BESIDE)
     least = max(_LEAST_CHANGE * float(np.abs(velocity).max()), _CHANGE_ERRORS * error)
-    is_corner[2 * _BESIDE : -2 * _BESIDE] = (near > least) & (near > _OF_CORNER * far)
+    of_corner = (near > _OF_CORNER * far) & (far > _OF_CORNER * near)
+    is_corner[2 * _BESIDE : -2 * _BESIDE] = of_corner & (near > least)
     steps = np.abs(np.diff(signals.force))
     leap, left_out, found = _FORCE_LEAPS * robust_deviation(steps), np.zeros_like(is_corner), list[float]()
     for first, last in runs_of(is_corner):
