@@ -19,6 +19,7 @@ import mrwork as mr
 from mrwork.dampers import LawName, damper
 from mrwork.dampers.command import CommandValues
 from mrwork.identification import Fit
+from mrwork.identification.suspicious import force_noise
 from mrwork.records import DamperTest, cut
 
 MODEL = "viscous_dahl"
@@ -118,6 +119,14 @@ def test_only_an_offset_that_the_model_cannot_describe_is_a_warning(
     fit = fitted(test, "dahl", bounds=bounds, observe=observe)
     about = [each.words[1] for each in fit.remarks if each.code == "offset_not_described"]
     assert about == ["f0 is fixed at 0"] * warned
+
+
+def test_a_force_that_is_clipped_most_of_the_time_has_the_noise_of_the_rest() -> None:
+    time = 2e-3 * np.arange(5000)
+    force = 500.0 * np.cos(9.0 * time) + np.random.default_rng(0).normal(0.0, 2.0, time.size)
+    clipped = mr.test_from_arrays(time, 0.01 * np.sin(9.0 * time), np.clip(force, -200.0, 200.0))
+    assert clipped.n_counted < 0.4 * clipped.n_time
+    assert force_noise([clipped]) == pytest.approx(2.0, rel=0.1)
 
 
 def test_the_first_demo_has_no_warning() -> None:

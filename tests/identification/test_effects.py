@@ -14,6 +14,7 @@ from mrwork.errors import SettingError
 from mrwork.identification import effects
 from mrwork.identification.commands import excerpts_at
 from mrwork.identification.covariance import Covariance, Slopes
+from mrwork.identification.identify import moved_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.sliders import Sliders
 from mrwork.records import DamperTest, Observation
@@ -319,6 +320,20 @@ def test_sliders_that_no_fit_of_the_model_can_beat_decide_without_one(
     assert abs(weighed.best.values[0] - 40.0) < 3.0 * weighed.best.errors[0] < 20.0
 
 
+def test_predictions_that_are_worse_than_a_constant_force_show_no_effect() -> None:
+    shown, worse = (
+        effects.FitWithEffects(
+            effects=(EFFECTS["delay"],),
+            values=np.array([0.01]),
+            errors=np.array([0.001]),
+            misfit=0.1,
+            predicted=predicted,
+        )
+        for predicted in (0.2, 150.0)
+    )
+    assert effects._paying([shown, worse], 250.0) == [shown]
+
+
 def test_a_model_that_describes_too_little_says_that_it_tells_no_effect() -> None:
     fit = mr.identify("maxwell", rig(Observation(delay_seconds=0.007)), threads=1)
     assert "effects_hidden" in {each.code for each in fit.remarks}
@@ -351,6 +366,8 @@ def test_what_pays_is_fitted_where_it_is_to_be_weighed_and_told_with_the_fit_wit
     assert told.words == ("mass",)
     assert "k is" in told.message
     assert taken.settings.observe == ("detect", f"mass={mass.value!r}")
+    moved = moved_to(taken, taken.tests, np.array(taken.theta), found_by="a profile", threads=1)
+    assert [each for each in moved.remarks if each.code == "effects_fitted"] == [told]
     with mock.patch.object(effects, "_weigh", wraps=effects._weigh) as weigh:
         assert mr.identify(SPEC, rig(Observation()), observe=["detect", "weigh"], threads=1).effects == ()
     weigh.assert_called_once()

@@ -85,6 +85,33 @@ def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay()
     assert 0.9 < stiffness_shares(form.spec, moved[1:2], objective.compared[0].history)[0] <= 1.0
 
 
+def dry_friction() -> DamperTest:
+    """Two seconds of 2000 v + 5000 x + 200 tanh(v / 1 mm/s) in three sines, every 2 ms, with noise of 2 N."""
+    time = 2e-3 * np.arange(1000)
+    size, omega, phase = np.array([[0.008, 4.4, 0.0], [0.004, 12.0, 1.0], [0.0015, 27.0, 2.0]]).T[..., None]
+    displacement = np.sum(size * np.sin(omega * time + phase), axis=0)
+    velocity = np.sum(size * omega * np.cos(omega * time + phase), axis=0)
+    force = 2000.0 * velocity + 5000.0 * displacement + 200.0 * np.tanh(velocity / 1e-3)
+    force += 2.0 * np.random.default_rng(0).standard_normal(time.size)
+    return mr.test_from_arrays(
+        name="friction", time=time, displacement=displacement, velocity=velocity, force=force
+    )
+
+
+@pytest.mark.parametrize("stiffness", [2650.0, -2000.0])
+def test_at_the_curved_limit_what_it_does_not_depend_on_is_fitted(stiffness: float) -> None:
+    form = identifiable_form(NORMALISED, {})
+    objective = Objective.of(form.spec, (dry_friction(),))
+    start = np.array([2142.0, stiffness, 0.0, 191.0, 1e6, 754.0, 1.0967])
+    (share,) = stiffness_shares(form.spec, start[None], objective.compared[0].history)
+    start[4] *= (1.0 - 1e-6) / share
+    ended = find_minima(objective, form.box, start[None], max_iterations=60)
+    loop = np.isin(form.box.free_names, ["rho", "sigma", "n"])[None]
+    with_this_loop = find_minima(objective, form.box, start[None], max_iterations=60, held=loop)
+    assert with_this_loop.misfit[0] < 0.7 * objective(start[None])[0]
+    assert ended.misfit[0] <= with_this_loop.misfit[0]
+
+
 def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 2e-3) -> DamperTest:
     """Two seconds at 2 Hz and 20 mm, simulated at steps of an eighth of `dt`."""
     time = dt / 8 * np.arange(round(16.0 / dt) + 1)

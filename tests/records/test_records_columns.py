@@ -12,6 +12,7 @@ from record_files import clean_columns, codes, message, write_text
 from refusals import refusal
 from sentences import Refused
 
+from mrwork.files.named_columns import TestQuantity, likely_unit
 from mrwork.files.rounded_times import rounded_grid
 from mrwork.records import read_damper_test
 from mrwork.records.columns import parse_column_option
@@ -167,3 +168,32 @@ def test_what_is_no_motion_and_no_force_is_no_candidate_for_one(tmp_path: Path) 
     )
     file.write_text(table)
     refusal(read_damper_test, file, match="--column displacement=COLUMN:m .* leave out what is no record")
+
+
+def test_of_two_columns_with_one_name_none_is_taken_for_the_other(tmp_path: Path) -> None:
+    columns = clean_columns()
+    rows = np.column_stack(
+        [
+            columns["t_s"],
+            columns["displacement_m"],
+            columns["force_n"],
+            1.2 * columns["force_n"],
+        ]
+    )
+    path = tmp_path / "twice.csv"
+    np.savetxt(path, rows, delimiter=",", header="t_s,displacement_m,force_N,force_N", comments="")
+    refusal(read_damper_test, path, match="2 columns are called 'force_N'.* rename")
+    # The number 4 gave the third column.
+    for column in ("4:N", "force_N:N"):
+        refusal(read_damper_test, path, columns={"force": column}, match="'force_N' occurs 2 times")
+
+
+@pytest.mark.parametrize(
+    ("quantity", "heading", "unit"),
+    [
+        ("force", "Load (tonf)", "tf"), ("velocity", "velocity_kmh", "km/h"), ("velocity", "v (kph)", "m/s"),
+        ("force", "Load (mN)", "N"), ("displacement", "main", "m"), ("force", "Load (kN)", "kN"),
+    ],
+)  # fmt: skip
+def test_a_unit_that_is_written_longer_is_suggested(quantity: TestQuantity, heading: str, unit: str) -> None:
+    assert likely_unit(quantity, heading, None) == unit

@@ -271,6 +271,24 @@ def test_a_set_with_right_labels_or_of_too_few_tests_raises_no_alarm() -> None:
     assert [*find_mislabelled(_set_of_tests()[4:6])] == []
 
 
+def test_friction_that_falls_with_the_speed_is_no_wrong_label() -> None:
+    tests = []
+    for current in (0.0, 0.5, 1.0):
+        for frequency, amplitude in ((0.5, 0.005), (1.0, 0.01), (2.0, 0.008), (4.0, 0.003)):
+            time = 0.002 * np.arange(round(4.0 / frequency / 0.002))
+            phase = 2.0 * np.pi * frequency * time
+            velocity = 2.0 * np.pi * frequency * amplitude * np.cos(phase)
+            friction = (100.0 + 400.0 * current) * (1.0 + 0.5 * np.exp(-((velocity / 0.01) ** 2)))
+            force = friction * np.tanh(velocity / 0.001) + 1200.0 * velocity
+            name = f"{current:g}A{frequency:g}Hz"
+            tests.append(
+                mr.test_from_arrays(time, amplitude * np.sin(phase), force, name=name, current=current)
+            )
+    assert [*find_mislabelled(tests)] == []
+    (remark,) = find_mislabelled([*tests[:9], replace(tests[9], current=0.5), *tests[10:]])
+    assert remark.message.startswith("1A1Hz: ")
+
+
 def test_a_repeat_of_another_force_is_told_with_its_ratio() -> None:
     first = simulated(SMOOTH, cycles=4, rng=1)
     first, second = (replace(first, name=name, current=1.0) for name in ("first", "second"))

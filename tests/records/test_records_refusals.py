@@ -106,6 +106,23 @@ def test_rows_in_the_order_of_the_displacement_are_refused_and_a_stroke_one_way_
     mr.test_from_arrays(time, 0.01 * time, 50.0 + noise)
 
 
+def test_a_clock_that_is_slower_than_the_samples_asks_for_their_rate(tmp_path: Path) -> None:
+    time = 0.002 * np.arange(500)
+    displacement, force = 10.0 * np.sin(6.0 * time), 300.0 * np.cos(6.0 * time)
+    columns = {
+        "time_s": np.floor(100.0 * time + 1e-9) / 100.0,
+        "displacement_mm": displacement,
+        "force_N": force,
+    }
+    path = write_text(tmp_path / "rig.csv", columns)
+    refusal(read_damper_test, path, match="--column time=500Hz")
+    read = read_damper_test(path, columns={"time": "500Hz"})
+    assert (read.n_time, read.dt) == (500, pytest.approx(0.002))
+    # Of a row that was written twice, no rate is asked.
+    columns["time_s"] = np.where(np.arange(500) == 300, time[299], time)
+    refusal(read_damper_test, write_text(tmp_path / "twice.csv", columns), match="delete the repeated rows")
+
+
 def test_a_part_is_taken_before_what_lies_outside_is_refused(tmp_path: Path) -> None:
     later = [
         ",".join((f"{float(line.partition(',')[0]) + 400:.12g}", line.partition(",")[2]))

@@ -103,7 +103,11 @@ def honest() -> dict[str, tuple[Columns, list[str]]]:
             clean | {"t_s": TIME / 50.0 + 1.7e9, "velocity_mps": 50.0 * speed},
             [],
         ),
-        "a force held at rest": (after_rest(400) | {"force_n": at_rest}, ["rest_before_motion"]),
+        # The motion starts at its full velocity.
+        "a force held at rest": (
+            after_rest(400) | {"force_n": at_rest},
+            ["velocity_leaps", "rest_before_motion"],
+        ),
         "a peak at one end": (clean | {"force_n": force + 300.0 * (stroke > 0.97 * AMPLITUDE)}, []),
         "a start at the crest": (crest | {"t_s": TIME}, []),
         "a good channel": (

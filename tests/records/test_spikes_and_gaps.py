@@ -14,6 +14,7 @@ from mrwork.dampers import damper
 from mrwork.records import Observation, cut
 from mrwork.records.damper_test import range_of_test
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
+from mrwork.records.repairs import repair
 from mrwork.records.window import spikes_of
 
 MODEL = "viscous_dahl"
@@ -148,3 +149,52 @@ def test_every_path_of_the_misfit_leaves_the_spans_out() -> None:
         np.testing.assert_array_equal(one.residuals(theta), other.residuals(theta))
         np.testing.assert_allclose(np.linalg.norm(one.residuals(theta), axis=1), one(theta), rtol=1e-12)
         assert one.residuals(theta).shape[1] == one.tests[0].n_counted
+
+
+def corner_test(displacement: np.ndarray, velocity: np.ndarray, dt: float) -> mr.records.DamperTest:
+    """2000 v + 5000 x with noise of 2 um and of 1 N."""
+    rng = np.random.default_rng(20)
+    noisy = displacement + rng.normal(0.0, 2e-6, displacement.size)
+    force = 2000.0 * velocity + 5000.0 * displacement + rng.normal(0.0, 1.0, displacement.size)
+    return mr.test_from_arrays(dt * np.arange(displacement.size), noisy, force)
+
+
+def test_corners_of_a_ramp_are_not_compared_and_leave_its_stiffness_right() -> None:
+    time = 1e-3 * np.arange(20_000)
+    displacement = np.interp(time, [0.0, 1.0, 1.2], [0.0, 0.0, 0.02])
+    test = corner_test(displacement, np.where((time >= 1.0) & (time < 1.2), 0.1, 0.0), 1e-3)
+    (told,) = [remark for remark in test.remarks if remark.code == "velocity_leaps"]
+    assert told.measured is not None
+    assert told.measured.value == sum(last - first for first, last in test.uncompared) < 40
+    assert "2 times, first at 1 s" in told.message
+    given = replace(
+        test, velocity=test.velocity + 1e-3, velocity_source="measured", uncompared=(), remarks=()
+    )
+    repaired, _ = repair(given, ["velocity"])
+    assert repaired.uncompared == test.uncompared
+    columns = np.stack([test.velocity, test.displacement, np.ones(test.n_time)], axis=1)[test.counted]
+    found = np.linalg.lstsq(columns, test.force[test.counted], rcond=None)[0]
+    errors = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    # With these samples the stiffness is 5 % low, by nine standard errors.
+    assert abs(found[1] - 5000.0) < 3.0 * errors[1]
+
+
+@pytest.mark.parametrize("dt", [5e-3, 1e-3, 2e-4])
+def test_a_smooth_motion_has_no_corners(dt: float) -> None:
+    omega = 2.0 * np.pi * 2.0
+    time = dt * np.arange(round(3.0 / dt))
+    test = corner_test(0.01 * np.sin(omega * time), 0.01 * omega * np.cos(omega * time), dt)
+    assert not test.uncompared
+    assert "velocity_leaps" not in codes(test)
+
+
+def test_a_corner_without_a_leap_of_the_force_is_compared() -> None:
+    time = 1e-3 * np.arange(4000)
+    triangle = 0.01 * (1.0 - 2.0 * np.abs(time % 1.0 - 0.5))
+    rng = np.random.default_rng(3)
+    test = mr.test_from_arrays(
+        time,
+        triangle + rng.normal(0.0, 2e-6, time.size),
+        5e4 * triangle + rng.normal(0.0, 1.0, time.size),
+    )
+    assert not test.uncompared

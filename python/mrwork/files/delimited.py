@@ -222,6 +222,10 @@ class DelimitedTable(ColumnTable):
                 f"{self._holds(row, column, text)} with a decimal {mark} where others have decimal {others}; export "
                 "all numbers with decimal points"
             )
+        if _THOUSANDS.fullmatch(text):
+            raise RecordError(
+                f"{self._holds(row, column, text)} with marks between thousands; export numbers without these"
+            )
         raise self._unexpected(row, column, text, "a number")
 
     def _time(self, row: int, column: int, text: str) -> int | None:
@@ -266,6 +270,7 @@ class DelimitedTable(ColumnTable):
         return RecordError(f"{where} where {expected} was expected; correct or delete the line")
 
 
+_THOUSANDS: Final = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})+([.,]\d*)?")
 # Codecs of texts that are not UTF-8, as sentences call them.
 _ENCODINGS: Final = {
     "utf-16": "UTF-16", "cp932": "Shift-JIS", "gb18030": "GBK", "cp1252": "Windows-1252", "latin-1": "Latin-1",

@@ -168,13 +168,14 @@ def find_column(column: str, names: Sequence[str], source: str) -> str:
         or [name for name in names if words_and_unit(name)[0].strip().casefold() == wanted]
         or ([names[int(wanted) - 1]] if wanted in numbered_names(len(names)) else [])
     )
-    if len(alike) == 1:
+    if len(alike) == 1 and names.count(alike[0]) == 1:
         return alike[0]
     if len(set(alike)) > 1:
         quoted = list_names([f"'{name}'" for name in alike])
         raise RecordError(f"{source}: '{column}' may be {quoted}; give the whole heading")
     if alike:
-        raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
+        count = names.count(alike[0])
+        raise RecordError(f"{source}: the column name '{alike[0]}' occurs {count} times; make it unique")
     shown = ", ".join(f"'{name}'" for name in names)
     near = closest(column, names)
     columns = f", did you mean '{near}'" if near else f"; the columns are {shown}"
@@ -286,10 +287,21 @@ def suggested_options(
 
 
 def likely_unit(quantity: TestQuantity, name: str, samples: Floats | None) -> str:
-    """The unit that a word of the heading is, or else that with which the numbers have the size of a test."""
-    for word in _BETWEEN_WORDS.split(name):
+    """The unit that a word of the heading is, or is much like, or else one for numbers of the size of a test."""
+    words = _BETWEEN_WORDS.split(name)
+    for word in words:
         if len(word) > 1 and quantity_of(word) == quantity:
             return word
+    for word in words:
+        near = closest(word, [*FACTORS[quantity]])
+        letters = iter(word)
+        # A unit that is written longer, as tonf and kmh: kph is no mph, and mN no MN.
+        if (
+            len(near) > 1
+            and word[0] == near[0]
+            and all(letter in letters for letter in near if letter.isalpha())
+        ):
+            return near
     size = None if samples is None else _size(quantity, samples)
     if size is None:
         return next(iter(FACTORS[quantity]))

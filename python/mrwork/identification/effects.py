@@ -113,7 +113,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
         if weighed and weighed.is_told:
             effects = weighed.best.effects if weighed.best else ()
             known = weighed.best if weighed.by_sliders else None
-            fit = replace(fit, remarks=(*fit.remarks, weighed.remark(_FITTED)))
+            fit = replace(fit, remarks=(*fit.remarks, weighed.remark(EFFECTS_FITTED)))
     if not effects:
         return fit
     (fitted,) = _fit_with(
@@ -347,7 +347,7 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
 
 
 _PAY: Final = "{found}: with {it} {who} to the other tests predict each to {predicted}"
-_FITTED: Final = RemarkKind("effects_fitted", f"{_PAY}; fitted with the parameters")
+EFFECTS_FITTED: Final = RemarkKind("effects_fitted", f"{_PAY}; fitted with the parameters")
 _UNFITTED: Final = RemarkKind("effects_unfitted", _PAY, "fit {it} by {options}{unless}")
 _HIDDEN: Final = RemarkKind(
     "effects_hidden",
@@ -540,8 +540,12 @@ def _preference(fit: FitWithEffects) -> float:
 
 
 def _paying(weighed: Sequence[FitWithEffects], earlier: float) -> list[FitWithEffects]:
-    """The fits of which each effect is significant, and pays beside the misfit of predictions without any."""
-    return [each for each in weighed if each.is_significant and each.predicted < _PAYS * earlier]
+    """The fits of which each effect is significant, and pays beside the misfit of predictions without any.
+
+    Predictions that are worse than a constant force show nothing: a part of a ramp is none of the motion of the others.
+    """
+    most = min(_PAYS * earlier, 1.0)
+    return [each for each in weighed if each.is_significant and each.predicted < most]
 
 
 def _best_of(weighed: Sequence[FitWithEffects], earlier: float) -> FitWithEffects | None:

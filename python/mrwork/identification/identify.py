@@ -20,7 +20,7 @@ from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationErr
 from mrwork.identification.commands import CommandedTests
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
-from mrwork.identification.effects import fit_effects
+from mrwork.identification.effects import EFFECTS_FITTED, fit_effects
 from mrwork.identification.excerpts import middle_excerpts
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
@@ -176,7 +176,7 @@ def identify_with(
 def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: str, threads: int = 0) -> Fit:
     """The fit to its tests anew from a point of less misfit, (n_params,), that what is named has found.
 
-    Effects that it has found are found again; those that sliders have told stay.
+    Effects that it has found are found again; those that sliders have told stay, as does what was said of either.
     """
     start = dict(zip(fit.spec.names, theta.tolist(), strict=True))
     moved = identify_with(
@@ -189,7 +189,13 @@ def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: 
         doubt=f"{found_by} found it, and no route of the search",
     )
     told = tuple(effect for effect in fit.effects if effect not in fit.varied)
-    return replace(moved, effects=(*told, *moved.effects), provenance=fit.provenance)
+    said = tuple(remark for remark in fit.remarks if remark.code == EFFECTS_FITTED.code)
+    return replace(
+        moved,
+        effects=(*told, *moved.effects),
+        remarks=(*moved.remarks, *said),
+        provenance=fit.provenance,
+    )
 
 
 @dataclass(slots=True, kw_only=True)

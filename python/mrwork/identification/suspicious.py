@@ -115,10 +115,20 @@ def no_better_than_linear(
 def force_noise(tests: Sequence[DamperTest]) -> float:
     """Standard deviation of the noise of the forces [N], from third differences.
 
-    Those of white noise have twenty times its variance, and those of a force between its corners none.
+    Those of white noise have twenty times its variance, and those of a force between its corners none; neither have
+    those of a clipped one, which are left out with all samples that are not compared.
     """
-    rough = np.concatenate([np.diff(test.force, 3) for test in tests])
+    rough = np.concatenate([np.diff(test.force, 3)[_differences_counted(test)] for test in tests])
     return float(np.median(np.abs(rough))) / NormalDist().inv_cdf(0.75) / float(np.sqrt(20.0))
+
+
+def _differences_counted(test: DamperTest) -> slice | NDArray[np.bool_]:
+    """The third differences of samples that are compared; all of them where too few are."""
+    spared = np.ones(test.n_time, dtype=np.bool_)
+    for first, last in test.uncompared:
+        spared[first:last] = False
+    counted = spared[:-3] & spared[1:-2] & spared[2:-1] & spared[3:]
+    return counted if counted.any() else slice(None)
 
 
 # A test is far worse in a joint fit than alone above this multiple of the NRMSE of its own fit, which is at least

@@ -358,6 +358,12 @@ class Headings:
             fitting = [(name, "s") for name in self.free if name in self.stamps]
         if len(fitting) > 1:
             (first, unit), (second, _) = fitting[:2]
+            if first == second:
+                count = self.names.count(first)
+                raise RecordError(
+                    f"{self.source}: {count} columns are called '{first}', which looks like the {quantity}; rename the "
+                    "one to use, so that its name is its own"
+                )
             problem = f"columns '{first}' and '{second}' both look like the {quantity}"
             missing = Missing(quantity=quantity, column=first, unit=unit)
             raise _UnclearError(problem, "say which one to use", missing, RecordError)

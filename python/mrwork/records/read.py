@@ -72,6 +72,7 @@ from mrwork.records.rig_table import (
 from mrwork.records.window import (
     Signals,
     complete_rows,
+    corners,
     settling_samples,
     spans_with,
     uncompared_spans,
@@ -194,9 +195,11 @@ def test_from_arrays(
         moving, velocity_source, about_velocity = velocity_agrees(
             signals.velocity, displaced, motion, uncompared, late=late, keep=keep_velocity
         )
-    rings = np.zeros(displaced.size, dtype=np.bool_)
+    left_out = checks.clipped_samples(signals.force)
+    if velocity_source == "derived":
+        left_out |= corners(signals, motion, remarks)
     for sent_command in signals.commands:
-        rings |= sent_command.ringing_samples(displaced.size)
+        left_out |= sent_command.ringing_samples(displaced.size)
     on_grid = {sent_command.unit: sent_command.without_ringing() for sent_command in signals.commands}
     fields = fields_of_commands(
         [on_grid.get(given_command.unit, given_command) for given_command in commands]
@@ -214,7 +217,7 @@ def test_from_arrays(
         force=freeze_samples(resisting),
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
-        uncompared=spans_with(uncompared, rings | checks.clipped_samples(resisting)),
+        uncompared=spans_with(uncompared, left_out),
         amplitude=amplitude,
         frequency=frequency,
         synthetic=synthetic,

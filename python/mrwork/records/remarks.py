@@ -60,6 +60,8 @@ _APART: Final = 0.1
 # An outlier differs by at least this much, and by this many robust standard deviations of the set.
 _STANDS_OUT: Final = 0.18
 _SIGNIFICANT: Final = 3.5
+# Share of a difference that a test as fast at another command shows, too, where it is of the damper.
+_OF_DAMPER: Final = 0.5
 _MISLABELLED: Final = RemarkKind(
     "command_mislabelled",
     "{label}: dissipates {share:.0f} % {more} than the other tests at {command:.3g} {unit} in similar motion (their "
@@ -108,9 +110,16 @@ def _standing_out(
     spread = robust_deviation(beside)
     limit = max(_STANDS_OUT, _SIGNIFICANT * spread)
     at = np.array([np.median(commands[group]) for group in alike])
-    for index, difference in zip(np.concatenate(alike), beside, strict=True):
+    rows = np.concatenate(alike)
+    for index, difference in zip(rows, beside, strict=True):
         others = _of_others(index, alike, force_there, velocity)
         if min(abs(difference), abs(force_there[index] - others)) <= limit:
+            continue
+        like = beside[
+            (np.abs(velocity[rows] - velocity[index]) < _APART) & (commands[rows] != commands[index])
+        ]
+        # What a test as fast at another command does as well is of the damper, as friction that falls with the speed.
+        if np.max(like * np.sign(difference), initial=0.0) > _OF_DAMPER * abs(difference):
             continue
         test = tests[index]
         ratio = float(np.expm1(difference))

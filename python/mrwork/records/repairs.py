@@ -36,7 +36,7 @@ from mrwork.records.observation import (
     value_of,
 )
 from mrwork.records.pulses import pulses_of
-from mrwork.records.window import cut
+from mrwork.records.window import corners, cut, spans_with
 
 RepairKind = Literal["rest", "pulses", "offset", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
@@ -150,12 +150,20 @@ def _offset(test: DamperTest, amount: float | None) -> _Done:
 def _velocity(test: DamperTest, _: float | None) -> _Done:
     if test.velocity_source == "derived":
         return "it is the derivative of the displacement already"
-    derived = smooth_motion(test.displacement, test.dt).velocity
+    motion, corner = smooth_motion(test.displacement, test.dt), list[Remark]()
+    derived = motion.velocity
+    left_out = corners(test, motion, corner)
     changed = float(np.sqrt(np.mean((test.velocity - derived) ** 2) / np.mean(derived**2)))
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
-    repaired = replace(test, velocity=freeze_samples(derived), velocity_source="derived")
+    repaired = replace(
+        test,
+        velocity=freeze_samples(derived),
+        velocity_source="derived",
+        uncompared=spans_with(test.uncompared, left_out),
+        remarks=(*test.remarks, *corner),
+    )
     return repaired, Measured(changed, ""), message
 
 

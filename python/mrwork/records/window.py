@@ -18,6 +18,7 @@ from mrwork.dampers.command import Command, runs_of
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.rounded_times import JITTER, regular_steps, rounded_grid
 from mrwork.records.damper_test import DamperTest
+from mrwork.records.motion import SmoothMotion, robust_deviation
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -26,6 +27,8 @@ _SHORTEST_STEP: Final = 1e-7
 # Times no further apart than this repeat [s]; slopes between them would overflow.
 _SAME: Final = 1e-12
 _GAP_STEPS: Final = 3.0
+# Share of rows that repeat the time of the row before, from which on the clock is slower than the samples.
+_OFTEN: Final = 0.2
 
 
 @array_dataclass()
@@ -110,6 +113,15 @@ def complete_rows(
     row = int(wrong[0]) + 1
     now, before = signals.time[row], signals.time[row - 1]
     more = f" (as do {wrong.size - 1} more rows)" if wrong.size > 1 else ""
+    if wrong.size > _OFTEN * (last - first) and now >= before:
+        instants = np.unique(signals.time[first:last])
+        if np.all(np.diff(signals.time[first:last]) >= 0.0) and instants.size > 1:
+            rate = (last - first) / instants.size / float(np.median(np.diff(instants)))
+            raise RecordError(
+                f"{source}: {locate(row)}: the time {now:g} s repeats that of the row before{more}, as of a "
+                f"clock that is slower than the samples; if these are uniform, give their rate, about {rate:.4g} Hz, "
+                f"as in --column time={rate:.4g}Hz"
+            )
     if now >= before:
         raise RecordError(
             f"{source}: {locate(row)}: the time {now:g} s repeats the time of the row before{more}; "
@@ -286,6 +298,65 @@ def uncompared_spans(signals: Signals, velocity: Floats) -> tuple[tuple[int, int
         unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * signals.dt * fastest)
         left_out[first : int(np.searchsorted(travel, travel[last - 1] + unknown))] = True
     return runs_of(left_out)
+
+
+# Samples to either side of a corner, from which its change of velocity is seen, and seen again twice as far.
+_BESIDE: Final = 2
+# Least share of either change in the other: 1 of a corner, 1/2 of a motion that bends throughout, or of a jump.
+_OF_CORNER: Final = 0.75
+# Least change, in the largest velocity and in its standard errors, and of the force, in its usual steps.
+_LEAST_CHANGE: Final = 0.2
+_CHANGE_ERRORS: Final = 8.0
+_FORCE_LEAPS: Final = 6.0
+_CORNERS: Final = RemarkKind(
+    "velocity_leaps",
+    "velocity and force leap {0} {at:.6g} s; no derivative of the displacement follows, and {value:.0f} {1} not "
+    "compared",
+    verbs=ONCE,
+)
+
+
+def corners(signals: Signals | DamperTest, motion: SmoothMotion, remarks: list[Remark]) -> NDArray[np.bool_]:
+    """Samples whose velocity is derived across a corner of the motion at which the force leaps, with a remark.
+
+    There the derivative is wrong by up to half the change of velocity, and a few such samples move a stiffness by many
+    of its standard errors. A force that does not leap does not show the velocity of a sample.
+    """
+    displacement, velocity = motion.displacement, motion.velocity
+    half, is_corner = motion.differentiator.windows // 2, np.zeros(displacement.size, dtype=np.bool_)
+    removed = signals.displacement - displacement
+    # Of five samples, the shortest window, a cubic removes half of the variance of the noise.
+    error = np.sqrt(12.0) * robust_deviation(removed) / (_BESIDE * signals.dt)
+
+    def changes(by: int) -> Floats:
+        ends = signals.displacement[2 * by :] + signals.displacement[: -2 * by]
+        return np.abs(ends - 2.0 * signals.displacement[by:-by]) / (by * signals.dt)
+
+    near, far = changes(_BESIDE)[_BESIDE:-_BESIDE], changes(2 * _BESIDE)
+    least = max(_LEAST_CHANGE * float(np.abs(velocity).max()), _CHANGE_ERRORS * error)
+    of_corner = (near > _OF_CORNER * far) & (far > _OF_CORNER * near)
+    is_corner[2 * _BESIDE : -2 * _BESIDE] = of_corner & (near > least)
+    steps = np.abs(np.diff(signals.force))
+    leap, left_out, found = _FORCE_LEAPS * robust_deviation(steps), np.zeros_like(is_corner), list[float]()
+    for first, last in runs_of(is_corner):
+        reach = int(half[first:last].max())
+        about = slice(max(first - reach, 0), last + reach)
+        if steps[about].max() > leap:
+            left_out[about] = True
+            found.append(float(signals.time[(first + last) // 2]))
+    if found:
+        count = int(np.count_nonzero(left_out))
+        times = "at" if len(found) == 1 else f"{len(found)} times, first at"
+        measured = Measured(count, "")
+        remarks.append(
+            _CORNERS.remark(
+                times,
+                "samples about it are" if len(found) == 1 else "samples are",
+                measured=measured,
+                at=found[0],
+            )
+        )
+    return left_out
 
 
 def spans_with(

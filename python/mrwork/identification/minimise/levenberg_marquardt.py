@@ -251,7 +251,9 @@ def _iterate_once(
         scale[:, None, :, None] * np.eye(gradient.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
-    tried = within_stiffness(objective.compared, coordinates, theta[active], step, damped, still[active])
+    tried, of_forces = within_stiffness(
+        objective.compared, coordinates, theta[active], step, damped, still[active]
+    )
     before = misfit[active]
     n_tried = len(_DAMPING_FACTORS)
     tried_shares = None if shares is None else np.repeat(shares[active], n_tried, axis=0)
@@ -263,12 +265,14 @@ def _iterate_once(
     accepted = active[better]
     theta[accepted] = tried[rows, best][better]
     misfit[accepted] = after[rows, best][better]
-    # A third of the best damping; ten times the largest that was tried where none lowered the misfit.
-    factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
-    damping[active] = np.maximum(damping[active] * factor, 1e-12)
     # A model may fit simulated forces exactly.
     decrease = 1.0 - (misfit[active] / np.maximum(before, 1e-300)) ** 2
     enough = decrease < tolerance
+    # Where forces are at their best and longer steps leave the limit of stiffness, shorter ones may go along it.
+    better &= ~(enough & of_forces[rows, best])
+    # A third of the best damping; ten times the largest that was tried where none lowered the misfit.
+    factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
+    damping[active] = np.maximum(damping[active] * factor, 1e-12)
     # What lies beyond the limit is negligible, and so is the rest of a slow way along it.
     slow = np.flatnonzero(~enough & (decrease < _TOLERANCE_AT_LIMIT))
     if slow.size:

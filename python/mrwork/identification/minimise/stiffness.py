@@ -37,8 +37,11 @@ def within_stiffness(
     step: Floats,
     damped: Floats,
     still: NDArray[np.bool_],
-) -> Floats:
+) -> tuple[Floats, NDArray[np.bool_]]:
     """Where damped least-squares steps end, those above the limit of stiffness replaced by the best ones below it.
+
+    The limit is curved: where a step along it is above it, too, one of forces alone remains, on which it does not
+    depend, and is marked, shape (n_rows, n_dampings); a shorter step may go along the limit.
 
     `step`, shape (n_rows, n_dampings, n_free), from `theta`, (n_rows, n_params), minimises quadratic functions with the
     matrices `damped`, (n_rows, n_dampings, n_free, n_free); what is `still` has no step. The ends have the shape
@@ -47,8 +50,9 @@ def within_stiffness(
     ends = coordinates.after(theta, still, step)
     stiffness = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
     beyond = np.any(stiffness > 0.0, axis=2)
+    of_forces = np.zeros_like(beyond)
     if not beyond.any():
-        return ends
+        return ends, of_forces
     step = step.copy()
     rows = np.flatnonzero(beyond.any(axis=1))
     values, slopes = stiffness_and_slope(tests, coordinates.box, theta[rows])
@@ -59,7 +63,14 @@ def within_stiffness(
     for index, row in enumerate(rows):
         for factor in np.flatnonzero(beyond[row]):
             step[row, factor] = _within(step[row, factor], towards[index, factor], slopes[index], room[index])
-    return coordinates.after(theta, still, step)
+    ends = coordinates.after(theta, still, step)
+    left = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
+    of_forces[rows] = np.any(left[rows] > 0.0, axis=2)
+    for index, row in enumerate(rows):
+        stays = still[row] | ~coordinates.of_force | np.any(slopes[index] != 0.0, axis=0)
+        for factor in np.flatnonzero(of_forces[row]):
+            step[row, factor] = _without(step[row, factor], damped[row, factor], stays)
+    return coordinates.after(theta, still, step), of_forces
 
 
 def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floats) -> Floats:
@@ -112,6 +123,13 @@ def log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         stiffness = np.log(np.stack([test.stiffness(theta) for test in tests], axis=1))
     return np.where(np.isnan(stiffness), np.inf, stiffness)
+
+
+def _without(step: Floats, damped: Floats, stays: NDArray[np.bool_]) -> Floats:
+    """The best step that leaves what `stays`, (n_free,), where `step` is the best one with limits on that alone."""
+    moves, best = np.flatnonzero(~stays), np.zeros_like(step)
+    best[moves] = np.linalg.solve(damped[np.ix_(moves, moves)], (damped @ step)[moves])
+    return best
 
 
 def _within(free: Floats, towards: Floats, slope: Floats, room: Floats) -> Floats:
