@@ -73,7 +73,7 @@ impl GroundMotion {
     }
 
     /// Force on a floor at a place of [`GroundMotion::place`] [N].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn force(&self, floor: usize, place: Place) -> f64 {
         at(&self.forces[floor], place)
     }

@@ -269,15 +269,19 @@ impl<'a> Forces<'a> {
             self.places.push(motion.place(now));
         }
         into.clear();
+        // In a loop, as accelerations of the ground are.
+        let mut values = [0.0; MOST_LANES];
         for floor in 0..self.count {
-            let minus = |lane: usize| match self.stages[lane] {
-                Some(stages) => -stages[number * self.count + floor][stage],
-                None => -self.motions[lane].force(floor, self.places[lane]),
-            };
+            for (lane, value) in values.iter_mut().enumerate().take(own) {
+                *value = match self.stages[lane] {
+                    Some(stages) => -stages[number * self.count + floor][stage],
+                    None => -self.motions[lane].force(floor, self.places[lane]),
+                };
+            }
             into.push(if self.uniform {
-                R::splat(minus(0))
+                R::splat(values[0])
             } else {
-                R::from_fn(|lane| minus(lane.min(own - 1)))
+                R::from_fn(|lane| values[lane.min(own - 1)])
             });
         }
     }
