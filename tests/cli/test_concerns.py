@@ -19,7 +19,7 @@ from sinusoidal_tests import harmonic
 
 import mrwork as mr
 from mrwork.base.remark import RemarkKind, Verb
-from mrwork.identification.minimise import polish
+from mrwork.identification.minimise import polish, race
 from mrwork.records.remarks import remarks_for
 
 VERBS: tuple[Verb, ...] = get_args(Verb)
@@ -194,7 +194,8 @@ def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
 
 @pytest.mark.words
 def test_a_fit_that_has_not_converged_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(polish, "_MOST_ITERATIONS", 1)
+    for minimisation in (race, polish):
+        monkeypatch.setattr(minimisation, "_MOST_ITERATIONS", 1)
     record = write_table(tmp_path / "rig.txt", {"t_s": TIME, "x_mm": MM, "F_N": NEWTON})
     search = ("--search", "particle_swarm", "--generations", 2, "--population", 10, "--every", 4)
     text = printed("identify", record, "--model", "bouc_wen", *search, "--out", tmp_path / "run")

@@ -41,9 +41,9 @@ class ErrorShape:
 
     Half cycles below the `shortest` [m] of the calibration leave the model in another state than the damper: there and
     in the next ones it is larger by the ratio of their strokes, up to three times, unless the motion repeats. So it is
-    throughout a motion whose small half cycles are smaller, or whose rms velocity is larger, than `speed` [m/s] of the
-    fastest test, 0 if unknown. `bias` [deviations], shape (n_bins,) or empty, is the mean error over the phase of
-    periodic tests.
+    throughout a motion whose small half cycles are smaller, or whose rms velocity is larger than `speed` [m/s], that of
+    the fastest test where none repeats, else 0. `bias` [deviations], shape (n_bins,) or empty, is the mean error over
+    the phase of periodic tests.
     """
 
     level: NotNegative = 1.0
@@ -229,7 +229,7 @@ def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[Err
     shape = replace(
         _fit_scale(variant, groups),
         shortest=min(group.shortest for group in groups),
-        speed=max(group.speed for group in groups),
+        speed=0.0 if any(group.periodic for group in groups) else max(group.speed for group in groups),
     )
     about_force = tuple(group.scores(shape)[0] for group in groups)
     about_mean = about_force
