@@ -244,7 +244,7 @@ def test_measured_records_have_no_remark_of_a_lie() -> None:
 STILL = np.where(np.arange(TIME.size) < 4000, MOVED, MOVED[4000])
 PEAK = np.abs(PULLED).max()
 SIZES: dict[str, tuple[dict[str, Samples], str]] = {
-    "displacement_still": ({"displacement": STILL}, "for 4 s, first from 4 s on"),
+    "displacement_still": ({"displacement": STILL}, "for 3.99 s, first from 4.01 s on"),
     "displacement_jumps": ({"displacement": MOVED + 7e-3 * (TIME > 3.0)}, "at 3 s: that is 7."),
     "displacement_drifts": ({"displacement": MOVED + 5e-3 * TIME}, "+5 mm/s, +40 mm over the record"),
     "displacement_unusual": ({"displacement": 0.5e-3 * MOVED}, "spans 10 um"),

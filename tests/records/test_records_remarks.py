@@ -194,7 +194,7 @@ def test_rest_before_the_motion_is_noted_from_a_quarter_period_on(n_rest: int, t
 def test_a_missing_velocity_is_derived_accurately() -> None:
     test = built(without_velocity())
     assert test.velocity_source == "derived"
-    assert "quintic Savitzky-Golay filter over 9 to 11 samples (45 to 55 ms)" in message(
+    assert "quintic Savitzky-Golay filter over 9 to 13 samples (45 to 65 ms)" in message(
         test, "velocity_derived"
     )
     exact = clean_columns()["velocity_mps"]

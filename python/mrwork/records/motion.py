@@ -23,7 +23,7 @@ _LONG: Final = 16
 
 
 # A record has tens of windows at most, each with several derivatives.
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=128)
 def _fit(window: int) -> Floats:
     """Coefficients of the polynomial fitted to unit samples, shape (n_coefficients, window), over [-1, 1]: quintics.
 
@@ -90,9 +90,13 @@ _LONGEST: Final = 32768
 # Samples, or means, of the shortest stretch for which these are tried.
 _CELL: Final = 8
 # A squared difference beyond noise and this multiple of it is a bias that all longer windows have, too.
-_FAR_BEYOND: Final = 10.0
+_FAR_BEYOND: Final = 6.0
 # Ratio of the squared bias to the squared difference from a shorter window: 1.4 of a sine, 5 where the velocity jumps.
-_BIAS: Final = 2.0
+_BIAS: Final = 1.5
+# Power of the length of windows with which their squared bias grows at most: that of a smooth motion.
+_BIAS_POWER: Final = 12
+# Steps from one window that is tried to the next.
+_STEPS: Final = 4
 _DIFFERENCES: Final = 6
 
 
@@ -193,6 +197,29 @@ def _means_and_noise(displacement: Floats) -> tuple[Floats, int, float]:
     return means, span, max(variance, float(np.spacing(np.ptp(displacement))) ** 2)
 
 
+def _windows_between(
+    halves: NDArray[np.intp], bias: Floats, noise: Floats
+) -> tuple[NDArray[np.intp], Floats]:
+    """Windows of `halves` samples to either side, shape (n,), and between these, and their mean square errors.
+
+    `bias`, `noise`: squared bias and noise, shape (n, n_cells). A bias is at least what that of the next longer window
+    tells of it, with the steepest growth that a motion can have. None lies between the cubics of the shortest window
+    and the quintics of the next.
+    """
+    for row in range(halves.size - 2, -1, -1):
+        steepest = (halves[row + 1] / halves[row]) ** _BIAS_POWER
+        bias[row] = np.maximum(bias[row], bias[row + 1] / steepest)
+    place = np.append(0, np.arange(_STEPS, _STEPS * (halves.size - 1) + 1)) / _STEPS
+    below, above = np.floor(place).astype(np.intp), np.ceil(place).astype(np.intp)
+    between = np.exp(np.interp(place, np.arange(halves.size), np.log(halves))).round()
+    share = (place - below)[:, np.newaxis]
+    to_above = (between / halves[above])[:, np.newaxis]
+    to_below = (between / halves[below])[:, np.newaxis]
+    least = bias[above] * to_above**_BIAS_POWER
+    bias = np.maximum(bias[below] ** (1.0 - share) * bias[above] ** share, least)
+    return 2 * between.astype(np.intp) + 1, _BIAS * bias + noise[below] / to_below**3
+
+
 def best_windows(displacement: Floats) -> NDArray[np.intp]:
     """Windows with the least mean square error of the velocity, shape (n_time,), of a displacement of that shape.
 
@@ -223,11 +250,12 @@ def best_windows(displacement: Floats) -> NDArray[np.intp]:
         # The bias of cubics over five samples is not that of quintics.
         held = np.maximum.accumulate(np.where(bias > _FAR_BEYOND * difference, bias, 0.0)[1:], axis=0)
         bias[1:] = np.maximum(bias[1:], held)
-        risk = _BIAS * bias.clip(min=0.0) + noise * (1.0 + error)
+        bias = bias.clip(min=0.0)
+        windows, risk = _windows_between(np.array(halves), bias, noise * (1.0 + error))
         best = np.argmin(risk, axis=0)
         risks = length * risk[best, np.arange(best.size)]
         better = np.repeat(risks <= least, length // shortest)[: chosen.size]
-        longer = np.repeat(2 * np.array(halves)[best] + 1, length // shortest)[: chosen.size]
+        longer = np.repeat(windows[best], length // shortest)[: chosen.size]
         chosen = np.where(better, longer, chosen)
         if risks.size == 1:
             cell = np.arange(displacement.size) // shortest
