@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import measured_data
@@ -82,10 +83,19 @@ def test_tests_at_two_commands_share_the_linear_model_unless_the_model_follows_t
     assert linear_misfit(same, follows_command=True) == pytest.approx(linear_misfit(same))
 
 
-def test_a_fit_no_better_than_a_linear_one_is_named() -> None:
+def test_a_fit_no_better_than_a_linear_one_is_named_with_the_linear_damper() -> None:
     # Without a dashpot the model of Dahl cannot follow this force.
-    fit = mr.identify("dahl", linear(TEST))
-    assert "damper_linear" in {each.code for each in fit.remarks}
+    force = linear(TEST).force + 20.0 * np.random.default_rng(1).standard_normal(TEST.n_time)
+    test = replace(TEST, force=force)
+    (told,) = (each for each in mr.identify("dahl", test).remarks if each.code == "damper_linear")
+    pairs = re.findall(r"([0-9.]+) \+- ([0-9.]+) N", told.message)
+    found = np.array(pairs, dtype=np.float64)
+    counted = test.counted
+    columns = np.stack([test.displacement, test.velocity, np.ones(test.n_time)], axis=1)[counted]
+    own = np.linalg.lstsq(columns, force[counted], rcond=None)[0]
+    errors = 20.0 * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    np.testing.assert_allclose(found[:, 0], own[:2], rtol=1e-3)
+    np.testing.assert_allclose(found[:, 1], errors[:2], rtol=0.1)
     assert not warnings_of(mr.identify("viscous_dahl", TEST).remarks)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from statistics import NormalDist
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from mrwork.records.damper_test import set_points
 LINEAR_SHARE = 0.98
 _LINEAR = RemarkKind(
     "damper_linear",
-    "a linear spring and dashpot describe the tests to within their noise, {linear:.2f} % for {value:.2f} % of the "
+    "{damper} describe the tests to within their noise, {linear:.2f} % for {value:.2f} % of the "
     "fit: as far as the tests show, the damper is linear, and the parameters of its hysteresis mean nothing",
     warns=True,
 )
@@ -34,16 +35,40 @@ _NO_BETTER = RemarkKind(
 )
 
 
+class _LinearFit(NamedTuple):
+    """Stiffness [N/m], damping [N s/m] and offset [N], (3,), their standard errors, and the squared NRMSE of tests."""
+
+    values: Floats
+    standard_errors: Floats
+    squares: list[float]
+
+    @property
+    def in_words(self) -> str:
+        """Spring and dashpot, with their standard errors."""
+        stiffness, damping, _ = (
+            Measured(value, "", error).in_words()
+            for value, error in zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
+        )
+        return f"a linear spring of {stiffness} N/m and dashpot of {damping} N s/m"
+
+
 def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
     """Root mean square NRMSE of a linear spring and dashpot with an offset, one for all tests.
 
     For a model that follows the command, the tests at each command have their own.
     """
+    return _misfit_of(_linear_fits(tests, follows_command=follows_command))
+
+
+def _linear_fits(tests: Sequence[DamperTest], *, follows_command: bool) -> list[_LinearFit]:
     groups: dict[object, list[DamperTest]] = {}
     for test in tests:
         groups.setdefault((set_points(test) or test.label) if follows_command else None, []).append(test)
-    squares = [square for group in groups.values() for square in _linear_fit(group)[1]]
-    return float(np.sqrt(np.mean(squares)))
+    return [_linear_fit(group) for group in groups.values()]
+
+
+def _misfit_of(fits: Sequence[_LinearFit]) -> float:
+    return float(np.sqrt(np.mean([square for fit in fits for square in fit.squares])))
 
 
 def linear_start(form: Form, tests: Sequence[DamperTest]) -> Floats:
@@ -51,7 +76,7 @@ def linear_start(form: Form, tests: Sequence[DamperTest]) -> Floats:
 
     Yield forces are at their lower bounds, and what has no part in such a damper at its nominal value.
     """
-    (stiffness, damping, offset), _ = _linear_fit(tests)
+    stiffness, damping, offset = _linear_fit(tests).values
     left = {"N/m": stiffness, "N s/m": damping, "N": offset, "m": -offset / (stiffness or 1.0)}
     theta = form.spec.nominal.copy()
     for index, parameter in enumerate(form.spec.parameters):
@@ -63,8 +88,8 @@ def linear_start(form: Form, tests: Sequence[DamperTest]) -> Floats:
     return np.asarray(form.box.inside(theta))
 
 
-def _linear_fit(tests: Sequence[DamperTest]) -> tuple[Floats, list[float]]:
-    """One spring, dashpot and offset, (3,), with the least sum of squared NRMSE of the tests, and those of each."""
+def _linear_fit(tests: Sequence[DamperTest]) -> _LinearFit:
+    """One spring, dashpot and offset with the least sum of squared NRMSE of the tests; errors are of white noise."""
     forces, motions = [], []
     for test in tests:
         force = test.force[test.counted]
@@ -73,9 +98,14 @@ def _linear_fit(tests: Sequence[DamperTest]) -> tuple[Floats, list[float]]:
         forces.append(force / weight)
         motions.append(motion / weight)
     scale = np.maximum(np.abs(np.concatenate(motions)).max(axis=0), np.finfo(np.float64).tiny)
-    solution = np.linalg.lstsq(np.concatenate(motions) / scale, np.concatenate(forces), rcond=None)[0]
+    columns = np.concatenate(motions) / scale
+    solution = np.linalg.lstsq(columns, np.concatenate(forces), rcond=None)[0]
     residuals = [force - (motion / scale) @ solution for force, motion in zip(forces, motions, strict=True)]
-    return solution / scale, [float(residual @ residual) for residual in residuals]
+    squares = [float(residual @ residual) for residual in residuals]
+    variances = (
+        np.diag(np.linalg.pinv(columns.T @ columns)) * sum(squares) / max(len(columns) - scale.size, 1)
+    )
+    return _LinearFit(solution / scale, np.sqrt(variances) / scale, squares)
 
 
 # Degrees between tests; a fluid loses a few tenths of a per cent of its force in each.
@@ -104,12 +134,16 @@ def no_better_than_linear(
     nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
 ) -> Iterator[Remark]:
     """Warn that a fit with this misfit is no better than a linear spring and dashpot."""
-    linear = linear_misfit(tests, follows_command=follows_command)
+    fits = _linear_fits(tests, follows_command=follows_command)
+    linear = _misfit_of(fits)
     if nrmse < LINEAR_SHARE * linear:
         return
     deviation = float(np.sqrt(np.mean([np.var(test.force[test.counted]) for test in tests])))
     kind = _LINEAR if linear * deviation <= STRUCTURE * force_noise(tests) else _NO_BETTER
-    yield kind.remark(measured=Measured(100.0 * (1.0 - nrmse), "%"), linear=100.0 * (1.0 - linear))
+    damper = fits[0].in_words if len(fits) == 1 else "a linear spring and dashpot, their own at each command,"
+    yield kind.remark(
+        measured=Measured(100.0 * (1.0 - nrmse), "%"), linear=100.0 * (1.0 - linear), damper=damper
+    )
 
 
 def force_noise(tests: Sequence[DamperTest]) -> float:
