@@ -26,7 +26,7 @@ CASES: dict[str, tuple[tuple[str, ...], float, dict[str, str]]] = {
     "at its bound": (
         (*DAHL, "--bound", "rho=10:2000"),
         0.0,
-        {"rho": "weakly identifiable", "k_w": "identifiable"},
+        {"rho": "weakly identifiable", "k_w": "model-dependent"},
     ),
     "irrelevant": (("--model", "viscous_dahl"), 0.01, {"f0": "negligible", "k_w": "identifiable"}),
     "unknown sign": (("--model", "viscous_dahl"), 0.4, {"f0": "sign unknown", "k_w": "identifiable"}),

@@ -230,3 +230,28 @@ def test_static_offsets_that_differ_between_tests_are_told(shift: float, told: b
     second = mr.test_from_arrays(name="later", force=second.force + shift, **columns)
     fit = fitted((first, second))
     assert ("offsets_unlike" in {each.code for each in fit.remarks}) is told
+
+
+def test_a_parameter_that_the_residual_contradicts_is_not_called_identifiable() -> None:
+    # Friction that rises over tens of mm/s, which a loop of Bouc and Wen takes for damping: 1500 N s/m are some 2200.
+    time = 0.002 * np.arange(2500)
+    phases = 2.0 * np.pi * time, 2.0 * np.pi * 2.7 * time + 1.0
+    amplitudes = np.array([0.01, 0.004])
+    velocity = 2.0 * np.pi * (amplitudes * [1.0, 2.7]) @ np.cos(phases)
+    displacement = amplitudes @ np.sin(phases)
+    force = 1500.0 * velocity + 8e3 * displacement + 300.0 * np.tanh(velocity / 0.03)
+    force += 3.0 * np.random.default_rng(3).standard_normal(time.size)
+    test = mr.test_from_arrays(
+        name="rig", time=time, displacement=displacement, velocity=velocity, force=force
+    )
+    fit = fitted(test, "normalised_bouc_wen")
+    damping = fit.parameters["c"]
+    assert damping.standard_error is not None
+    assert abs(damping.value - 1500.0) > 5.0 * damping.standard_error
+    assert damping.verdict == "model-dependent"
+    assert abs(damping.value - 1500.0) < fit.coherent * damping.standard_error
+    # The profile of the fit has the verdict by the same rule.
+    (profiled,) = mr.profile(fit, test, parameters=["c"], threads=1).profiles
+    assert profiled.verdict == "model-dependent"
+    of_its_kind = fitted(test, "hyperbolic_tangent_gavin")
+    assert of_its_kind.coherent == 1.0

@@ -72,6 +72,20 @@ def test_a_standard_error_has_one_verdict(scale: Scale, value: float, error: flo
 
 
 @pytest.mark.parametrize(
+    ("coherent", "verdict"), [(1.0, "identifiable"), (9.9, "identifiable"), (10.1, "model-dependent")]
+)
+def test_what_a_force_of_twice_the_residual_could_move_by_a_quarter_depends_on_the_model(
+    coherent: float, verdict: Word
+) -> None:
+    # An error of 2.5 % of the value, as an error and as the interval of it.
+    scale = replace(SPRING, value=4000.0)
+    by_error = judge_error(100.0, scale, SENSITIVITY["k"], coherent)
+    ends = interval(4000.0 - 100.0 * DEVIATIONS, 4000.0 + 100.0 * DEVIATIONS)
+    assert (by_error, judge_interval(ends, scale, SENSITIVITY["k"], coherent)) == (by_error, by_error)
+    assert by_error.word == verdict
+
+
+@pytest.mark.parametrize(
     ("scale", "ends", "verdict"),
     [
         (SPRING, (2400.0, 2600.0), "identifiable"),

@@ -16,6 +16,7 @@ from mrwork.base.numbers import significant
 
 Word = Literal[
     "identifiable",
+    "model-dependent",
     "weakly identifiable",
     "sign unknown",
     "negligible",

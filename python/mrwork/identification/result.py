@@ -18,7 +18,16 @@ from mrwork.dampers.simulation import stiffness_shares
 from mrwork.dampers.spec import LAW_BEYOND, LAW_LEAVES_RANGE, DamperSpec, hidden_extrema, law_limits
 from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
-from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
+from mrwork.identification.fit import (
+    ErrorNorms,
+    Fit,
+    FitQuality,
+    FitStatus,
+    SearchTrace,
+    errors_of_structure,
+    step_in_words,
+    times_noise,
+)
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
@@ -111,10 +120,13 @@ def fit_at(
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
-    estimates, directions = fitted_parameters(problem, theta, covariance)
     tested = range_of_tests(objective.tests, spec.command_unit)
     runs = [free_run(spec, values, test, each=objective.settings.effects_of_each) for test in objective.tests]
     quality = tuple(test_quality for _, test_quality in runs)
+    rmse, noise = rms([test_quality.rmse_n for test_quality in quality]), force_noise(objective.tests)
+    n_effective = None if covariance is None else covariance.n_effective
+    coherent = errors_of_structure(times_noise(rmse, noise), n_effective)
+    estimates, directions = fitted_parameters(problem, theta, covariance, coherent)
     # After Ctrl-C nothing is compiled.
     change = (
         None
@@ -131,8 +143,8 @@ def fit_at(
         stop_reason=trace.stop_reason,
         nrmse=nrmse,
         fit_percent=100.0 * (1.0 - nrmse),
-        rmse_n=rms([test_quality.rmse_n for test_quality in quality]),
-        force_noise_n=force_noise(objective.tests),
+        rmse_n=rmse,
+        force_noise_n=noise,
         error_norms=ErrorNorms(
             time=rms([test_quality.error_norms.time for test_quality in quality]),
             displacement=rms([test_quality.error_norms.displacement for test_quality in quality]),
@@ -147,7 +159,7 @@ def fit_at(
         provenance=provenance_of(problem),
         current=spec.current_laws,
         motions=tuple(RecordedMotion.of(test) for test in objective.tests),
-        n_effective=None if covariance is None else covariance.n_effective,
+        n_effective=n_effective,
         tests=objective.tests,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,

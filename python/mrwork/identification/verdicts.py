@@ -98,24 +98,24 @@ def scales_of(
     return tuple(scales)
 
 
-def judge_error(error: float, scale: Scale, sensitivity: float) -> Verdict:
+def judge_error(error: float, scale: Scale, sensitivity: float, coherent: float = 1.0) -> Verdict:
     """Judge a parameter by its standard error, in its unit; see `judge_interval`."""
     half = DEVIATIONS * error
     ends = scale.value - half, scale.value + half
     share = error / abs(scale.value) if scale.value else np.inf
     width = f"its standard error is {_times(share, 'its value')}" if scale.value else "its value is 0"
-    return _judge(scale, sensitivity, ends, share, width)
+    return _judge(scale, sensitivity, ends, share, width, coherent)
 
 
-def judge_interval(interval: Interval, scale: Scale, sensitivity: float) -> Verdict:
+def judge_interval(interval: Interval, scale: Scale, sensitivity: float, coherent: float = 1.0) -> Verdict:
     """Judge a parameter by its interval.
 
     `sensitivity` is the root mean square of the change of force per unit of the parameter, in standard deviations of
-    the force.
+    the force; `coherent` see `Fit.coherent`.
     """
     lower, upper = interval.lower, interval.upper
     if lower is None or upper is None:
-        return _judge(scale, sensitivity, (lower, upper), np.inf, interval.opened)
+        return _judge(scale, sensitivity, (lower, upper), np.inf, interval.opened, coherent)
     if scale.log:
         half = 0.5 * float(np.log(upper / lower))
         width = f"the interval is a factor of {np.exp(half):.2g} wide to either side"
@@ -125,14 +125,22 @@ def judge_interval(interval: Interval, scale: Scale, sensitivity: float) -> Verd
         width = f"the interval is {_times(half, 'its value')} wide to either side"
     # The interval of a normal density reaches so many standard deviations to either side.
     deviations = NormalDist().inv_cdf(0.5 * (1.0 + interval.level))
-    return _judge(scale, sensitivity, (lower, upper), half / deviations, width)
+    return _judge(scale, sensitivity, (lower, upper), half / deviations, width, coherent)
 
 
 def _judge(
-    scale: Scale, sensitivity: float, ends: tuple[float | None, float | None], share: float, width: str
+    scale: Scale,
+    sensitivity: float,
+    ends: tuple[float | None, float | None],
+    share: float,
+    width: str,
+    coherent: float,
 ) -> Verdict:
-    if share <= WEAK:
+    if share * coherent <= WEAK:
         return Verdict("identifiable")
+    if share <= WEAK:
+        moved = _times(share * coherent, "its value")
+        return Verdict("model-dependent", f"a force of twice the residual could move it by {moved}")
     lower, upper = scale.bounds
     low = lower if ends[0] is None else max(ends[0], lower)
     high = upper if ends[1] is None else min(ends[1], upper)
@@ -245,13 +253,15 @@ def judged(
     *,
     scales: Sequence[Scale],
     held: frozenset[str] = frozenset(),
+    coherent: float = 1.0,
 ) -> tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]:
     """Parameters with standard errors and verdicts, and the directions that the data determine weakly or not at all.
 
     From the derivative of the residuals, (n_residuals, n_params), and the covariance, both in units of the scales. A
     direction is unidentifiable if its singular value, parameters scaled to unit sensitivity, is below `INSENSITIVE` of
     the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Parameters that
-    were `held` get no verdict, but where an unidentifiable direction has one, its others are determined.
+    were `held` get no verdict, but where an unidentifiable direction has one, its others are determined. `coherent` see
+    `Fit.coherent`.
     """
     null = _null_space(jacobian)
     unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
@@ -262,7 +272,7 @@ def judged(
     judged_parameters = [
         parameter
         if parameter.name in held
-        else _judged(index, parameter, scales, covariance, jacobian, determined, held)
+        else _judged(index, parameter, scales, covariance, jacobian, determined, held, coherent)
         for index, parameter in enumerate(parameters)
     ]
     weak = _weak_directions(
@@ -359,6 +369,7 @@ def _judged(
     jacobian: Floats,
     determined: NDArray[np.bool_],
     held: Set[str],
+    coherent: float,
 ) -> FittedParameter:
     scale = scales[number]
     if not determined[number]:
@@ -370,7 +381,7 @@ def _judged(
         return replace(parameter, verdict=Verdict("not identifiable", reason), standard_error=None)
     error = float(np.sqrt(cov[number, number]))
     sensitivity = float(np.linalg.norm(jacobian[:, number])) / scale.size
-    verdict = judge_error(error * scale.size, scale, sensitivity)
+    verdict = judge_error(error * scale.size, scale, sensitivity, coherent)
     if verdict.word in ("weakly identifiable", "sign unknown"):
         deviation = np.sqrt(np.where(determined, np.diag(cov), 1.0))
         correlation = np.where(determined, cov[number] / (error * deviation), 0.0)
@@ -384,7 +395,7 @@ def _judged(
 
 
 def fitted_parameters(
-    problem: Problem, theta: Floats, covariance: Covariance | None
+    problem: Problem, theta: Floats, covariance: Covariance | None, coherent: float = 1.0
 ) -> tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]:
     """Parameters of the requested model at `theta` of the problem's form, (n_params,), and directions; see `judged`.
 
@@ -434,6 +445,7 @@ def fitted_parameters(
         covariance.slopes.by_model()[:, taken] * size,
         covariance.matrix[np.ix_(taken, taken)] / np.outer(size, size),
         scales=scales,
+        coherent=coherent,
         # Fixed by the form for the sake of a redundant scale, not by the user.
         held=frozenset(estimate.name for estimate in estimates if not estimate.is_free) & {*form.fixed},
     )

@@ -213,7 +213,8 @@ def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Predict
     yield from fit.remarks
     if evidence.drawn is predictions and len(predictions) == 1:
         yield _ONE_MOTION.remark()
-    if doubtful := [each.name for each in fit.estimates if each.verdict.word not in (*FINE, "negligible")]:
+    settled = (*FINE, "model-dependent", "negligible")
+    if doubtful := [each.name for each in fit.estimates if each.verdict.word not in settled]:
         yield _WEAK.remark(list_names(doubtful, 6))
     if any(prediction.test.synthetic for prediction in predictions):
         yield _SYNTHETIC.remark()

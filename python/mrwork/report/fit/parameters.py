@@ -150,6 +150,8 @@ def _align_texts(texts: Sequence[str]) -> list[Markup]:
 
 
 _ADVICE: dict[Word, str] = {
+    "model-dependent": "A model-dependent parameter describes these tests within this model: quote it with the model, "
+    "and choose one that leaves less before another test is predicted by it.",
     "weakly identifiable": "Quote a weakly identifiable parameter with its interval only.",
     "sign unknown": "Of a parameter of unknown sign not even the direction of its force is known: fix it at zero if it "
     "may be left out.",

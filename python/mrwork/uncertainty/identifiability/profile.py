@@ -189,6 +189,7 @@ def _profile_of(
     above: Side,
     least: float,
     level: float,
+    coherent: float,
 ) -> Profile:
     """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict."""
     box, origin = course.box, len(below.points) - 1
@@ -221,7 +222,7 @@ def _profile_of(
         misfit=tuple(float(np.sqrt(point.squared)) for point in line),
         ratio=tuple(map(float, roots**2)),
         interval=interval,
-        verdict=judge_interval(interval, scale, sensitivity),
+        verdict=judge_interval(interval, scale, sensitivity, coherent),
     )
 
 
@@ -313,6 +314,7 @@ def profile(
                 sides[index, 1],
                 least,
                 level,
+                of.coherent,
             )
             for index in profiled
         )

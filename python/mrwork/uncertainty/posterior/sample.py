@@ -211,7 +211,7 @@ class SamplingProblem:
         for index, (scale, sensitivity) in enumerate(zip(scales, sensitivities, strict=False)):
             interval = summaries[index].interval
             if interval is not None and names[index] not in objective.settings.ties:
-                verdict = judge_interval(interval, scale, sensitivity)
+                verdict = judge_interval(interval, scale, sensitivity, self.fit.coherent)
                 summaries[index] = replace(summaries[index], verdict=verdict)
         return tuple(summaries)
 
