@@ -140,18 +140,6 @@ _ROUNDING = 1e-6
 STRUCTURE = 3.0
 """Multiple of the noise of the force from which on a residual is structure."""
 
-
-def times_noise(rmse: float, force_noise: float | None) -> float | None:
-    """A residual over the noise of the force [N], where it is structure and not noise; else `None`."""
-    times = rmse / force_noise if force_noise else 0.0
-    return times if times > STRUCTURE else None
-
-
-def errors_of_structure(times: float | None, n_effective: float | None) -> float:
-    """See `Fit.coherent`; of a residual of so many times the noise."""
-    return 1.0 if times is None or n_effective is None else 2.0 * sqrt(n_effective)
-
-
 NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
@@ -531,7 +519,8 @@ class Fit(Plotted, WithAxes, Summarised):
     @property
     def times_noise(self) -> float | None:
         """The residual over the noise of the force, where it is structure and not noise; else `None`."""
-        return times_noise(self.rmse_n, self.force_noise_n)
+        times = self.rmse_n / self.force_noise_n if self.force_noise_n else 0.0
+        return times if times > STRUCTURE else None
 
     @property
     def coherent(self) -> float:
@@ -540,7 +529,7 @@ class Fit(Plotted, WithAxes, Summarised):
         Such a force may be of one sign in a parameter, as if it were one sample. It is twice the residual because the
         parameters have taken a part of it: on 36 dampers of other forms they moved by 2.0 times the residual at most.
         """
-        return errors_of_structure(self.times_noise, self.n_effective)
+        return 1.0 if self.times_noise is None or self.n_effective is None else 2.0 * sqrt(self.n_effective)
 
     @property
     def informative(self) -> tuple[Direction, ...]:

@@ -18,16 +18,7 @@ from mrwork.dampers.simulation import stiffness_shares
 from mrwork.dampers.spec import LAW_BEYOND, LAW_LEAVES_RANGE, DamperSpec, hidden_extrema, law_limits
 from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
-from mrwork.identification.fit import (
-    ErrorNorms,
-    Fit,
-    FitQuality,
-    FitStatus,
-    SearchTrace,
-    errors_of_structure,
-    step_in_words,
-    times_noise,
-)
+from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
@@ -123,10 +114,6 @@ def fit_at(
     tested = range_of_tests(objective.tests, spec.command_unit)
     runs = [free_run(spec, values, test, each=objective.settings.effects_of_each) for test in objective.tests]
     quality = tuple(test_quality for _, test_quality in runs)
-    rmse, noise = rms([test_quality.rmse_n for test_quality in quality]), force_noise(objective.tests)
-    n_effective = None if covariance is None else covariance.n_effective
-    coherent = errors_of_structure(times_noise(rmse, noise), n_effective)
-    estimates, directions = fitted_parameters(problem, theta, covariance, coherent)
     # After Ctrl-C nothing is compiled.
     change = (
         None
@@ -137,14 +124,14 @@ def fit_at(
     fit = Fit(
         model=spec.name,
         own=None if spec.own is None else spec.without_laws,
-        estimates=estimates,
-        directions=directions,
+        estimates=(),
+        directions=(),
         status=status,
         stop_reason=trace.stop_reason,
         nrmse=nrmse,
         fit_percent=100.0 * (1.0 - nrmse),
-        rmse_n=rmse,
-        force_noise_n=noise,
+        rmse_n=rms([test_quality.rmse_n for test_quality in quality]),
+        force_noise_n=force_noise(objective.tests),
         error_norms=ErrorNorms(
             time=rms([test_quality.error_norms.time for test_quality in quality]),
             displacement=rms([test_quality.error_norms.displacement for test_quality in quality]),
@@ -159,13 +146,15 @@ def fit_at(
         provenance=provenance_of(problem),
         current=spec.current_laws,
         motions=tuple(RecordedMotion.of(test) for test in objective.tests),
-        n_effective=n_effective,
+        n_effective=None if covariance is None else covariance.n_effective,
         tests=objective.tests,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,
         half_step_percent=change,
         tested=tested,
     )
+    estimates, directions = fitted_parameters(problem, theta, covariance, fit.coherent)
+    fit = replace(fit, estimates=estimates, directions=directions)
     return replace(fit, remarks=(*problem.foreseen(), *_remarks_on(fit)))
 
 
