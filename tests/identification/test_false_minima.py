@@ -99,6 +99,13 @@ def test_a_fit_no_better_than_a_linear_one_is_named_with_the_linear_damper() -> 
     assert not warnings_of(mr.identify("viscous_dahl", TEST).remarks)
 
 
+def test_a_force_that_is_noise_is_no_linear_damper() -> None:
+    test = replace(TEST, force=20.0 * np.random.default_rng(2).standard_normal(TEST.n_time))
+    told = {each.code: each.message for each in mr.identify("bingham", test).remarks}
+    assert "damper_linear" not in told
+    assert "noise of 20" in told["force_is_noise"]
+
+
 def test_a_fit_no_better_than_a_linear_one_of_a_damper_that_is_not_linear_is_of_a_wrong_model() -> None:
     # The power of the velocity is in no Bingham model without friction.
     power = replace(TEST, force=3e3 * np.sign(TEST.velocity) * np.abs(TEST.velocity) ** 1.8)

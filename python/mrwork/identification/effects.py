@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.numbers import significant
+from mrwork.base.numbers import of_unit, significant
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.commands import excerpts_at
@@ -70,6 +70,8 @@ _PERIODS = 0.02
 _HEAVY = 20.0
 _LARGE = 0.1
 _FAR = 5.0
+# From this share of its value on, the change of a parameter is told in its unit.
+_MOST_SHARE = 10.0
 # Share by which the misfits of a delay and of a lag may differ where the remark names both.
 _ALIKE = 0.02
 # Share by which misfits of predictions may differ where the error of a mass counts what both fits say of it.
@@ -77,13 +79,13 @@ _ABOUT = 0.05
 _IT: Final = {1: "it", 2: "both"}
 _UNKNOWN_DELAY: Final = RemarkKind(
     "delay_unknown",
-    "a delay of the force of {ms:.2g} ms that is not known would move {0} by about {percent:.0f} %, {errors:.0f} times "
+    "a delay of the force of {ms:.2g} ms that is not known would move {0} by about {moved}, {errors:.0f} times "
     "its standard error, and these tests do not tell it",
     "measure it and give it by --observe delay=SECONDS, or test at several frequencies",
 )
 _UNKNOWN_MASS: Final = RemarkKind(
     "mass_unknown",
-    "a mass of {value:.2g} kg between damper and load cell that is not known would move {0} by about {percent:.0f} %, "
+    "a mass of {value:.2g} kg between damper and load cell that is not known would move {0} by about {moved}, "
     "{errors:.0f} times its standard error, and these tests do not tell it",
     "weigh what moves there and give it by --observe mass=KG, or test at higher frequencies",
 )
@@ -91,7 +93,7 @@ _UNKNOWN_MASS: Final = RemarkKind(
 _MASS_AS_STIFFNESS: Final = RemarkKind(
     "mass_as_stiffness",
     "tests at one frequency do not tell a mass between damper and load cell from the stiffness: one of {value:.2g} kg "
-    "would move {0} by about {percent:.0f} %, {errors:.0f} times its error, so weigh what moves there and "
+    "would move {0} by about {moved}, {errors:.0f} times its error, so weigh what moves there and "
     "give it by --observe mass=KG, or add a test at another frequency",
 )
 # Where a fit is linear, a mass of zero is on no bound.
@@ -620,6 +622,8 @@ def _unknown(
     ]
     if far:
         worst = max(far, key=lambda index: abs(shift[index]) / errors[index])
-        percent, times = 100.0 * abs(shift[worst] / value[worst]), abs(shift[worst]) / errors[worst]
-        measured, name = Measured(float(size), effect.unit), problem.spec.names[worst]
-        yield kind.remark(name, measured=measured, ms=1e3 * size, percent=percent, errors=times)
+        by, parameter = abs(shift[worst]), problem.spec.parameters[worst]
+        share = by / abs(value[worst])
+        moved = f"{100.0 * share:.0f} %" if share < _MOST_SHARE else of_unit(by, parameter.unit, 3)
+        measured, times = Measured(float(size), effect.unit), by / errors[worst]
+        yield kind.remark(parameter.name, measured=measured, ms=1e3 * size, moved=moved, errors=times)

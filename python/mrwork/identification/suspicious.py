@@ -27,6 +27,13 @@ _LINEAR = RemarkKind(
     "fit: as far as the tests show, the damper is linear, and the parameters of its hysteresis mean nothing",
     warns=True,
 )
+# A force of which a linear spring and dashpot leave this share, as noise, does not follow the motion.
+_ALL_NOISE = 0.95
+_FORCE_IS_NOISE = RemarkKind(
+    "force_is_noise",
+    "the force is noise of {noise:.3g} N, in which nothing follows the motion: the fit has {value:.2f} % of it",
+    "check the load cell and its channel, and that force and displacement are of one test",
+)
 _NO_BETTER = RemarkKind(
     "no_better_than_linear",
     "the fit, {value:.2f} %, is no better than that of a linear spring and dashpot, {linear:.2f} %: this model cannot "
@@ -139,10 +146,15 @@ def no_better_than_linear(
     if nrmse < LINEAR_SHARE * linear:
         return
     deviation = float(np.sqrt(np.mean([np.var(test.force[test.counted]) for test in tests])))
-    kind = _LINEAR if linear * deviation <= STRUCTURE * force_noise(tests) else _NO_BETTER
+    noise, kind = force_noise(tests), _NO_BETTER
+    if linear * deviation <= STRUCTURE * noise:
+        kind = _LINEAR if linear < _ALL_NOISE else _FORCE_IS_NOISE
     damper = fits[0].in_words if len(fits) == 1 else "a linear spring and dashpot, their own at each command,"
     yield kind.remark(
-        measured=Measured(100.0 * (1.0 - nrmse), "%"), linear=100.0 * (1.0 - linear), damper=damper
+        measured=Measured(100.0 * (1.0 - nrmse), "%"),
+        linear=100.0 * (1.0 - linear),
+        damper=damper,
+        noise=noise,
     )
 
 
