@@ -179,6 +179,43 @@ def test_corners_of_a_ramp_are_not_compared_and_leave_its_stiffness_right() -> N
     assert abs(found[1] - 5000.0) < 3.0 * errors[1]
 
 
+def test_a_loop_keeps_its_state_through_a_corner_for_the_rest_of_the_record() -> None:
+    # Two cycles that end at full speed, and rest. The force is of a step forty times finer.
+    spec = mr.damper("normalised_bouc_wen")
+    theta = np.array(
+        [
+            {"c": 1e3, "k": 0.0, "x0": 0.0, "k_w": 700.0, "rho": 800.0, "sigma": 0.5, "n": 1.0}[name]
+            for name in spec.names
+        ]
+    )
+    time = 5e-5 * np.arange(160_000)
+    moves = time < 2.0 - 1e-9
+    displacement = np.where(moves, 0.01 * np.sin(2.0 * np.pi * time), 0.0)
+    velocity = np.where(moves, 0.02 * np.pi * np.cos(2.0 * np.pi * time), 0.0)
+    exact = mr.simulate_force(spec, theta, mr.Loading(dt=5e-5, displacement=displacement, velocity=velocity))
+    rng = np.random.default_rng(1)
+    noisy = displacement[::40] + 1e-6 * rng.standard_normal(4000)
+    test = mr.test_from_arrays(time[::40], noisy, exact[::40] + rng.standard_normal(4000))
+    assert "velocity_leaps" in codes(test)
+    force = mr.simulate_force(spec, theta, mr.Loading(dt=2e-3, displacement=noisy, velocity=test.velocity))
+    # A derivative across the corner has waves of which the loop keeps 8 N.
+    assert abs(np.mean((test.force - force)[1100:])) < 2.0
+
+
+def test_a_triangle_has_no_mass_and_tells_friction_from_no_dashpot() -> None:
+    time = 2e-3 * np.arange(4000)
+    phase = (0.5 * time) % 1.0
+    displacement, way = 0.02 * (1.0 - 4.0 * np.abs(phase - 0.5)), np.where(phase < 0.5, 1.0, -1.0)
+    rng = np.random.default_rng(4)
+    noisy = displacement + 3e-6 * rng.standard_normal(time.size)
+    test = mr.test_from_arrays(time, noisy, 500.0 * way + 2.0 * rng.standard_normal(time.size))
+    assert "moving_mass" not in codes(test)
+    told = {each.code: each.measured for each in mr.identify("bingham", test).remarks}
+    assert "damper_linear" not in told
+    assert (speed := told["one_speed"]) is not None
+    assert speed.value == pytest.approx(40.0, rel=0.01)
+
+
 @pytest.mark.parametrize("dt", [5e-3, 1e-3, 2e-4])
 def test_a_smooth_motion_has_no_corners(dt: float) -> None:
     omega = 2.0 * np.pi * 2.0

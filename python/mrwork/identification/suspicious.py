@@ -17,7 +17,7 @@ from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import STRUCTURE
 from mrwork.records import DamperTest
 from mrwork.records.checks import TEMPERATURE
-from mrwork.records.damper_test import set_points
+from mrwork.records.damper_test import outside_spans, set_points
 
 # A fit whose misfit is not below this share of the misfit of a linear spring and dashpot is linear itself.
 LINEAR_SHARE = 0.98
@@ -33,6 +33,16 @@ _FORCE_IS_NOISE = RemarkKind(
     "force_is_noise",
     "the force is noise of {noise:.3g} N, in which nothing follows the motion: the fit has {value:.2f} % of it",
     "check the load cell and its channel, and that force and displacement are of one test",
+)
+# Least ratio of a slow speed of the tests to a fast one that are one speed, of percentiles of those above a share.
+_ONE = 0.8
+_SLOW_AND_FAST = (10.0, 90.0)
+_MOVES = 0.1
+_ONE_SPEED = RemarkKind(
+    "one_speed",
+    "{damper} describe the tests to within their noise, and so would dry friction in place of the dashpot, or a loop: "
+    "the tests move at {value:.3g} mm/s alone, which tells none of these from the others",
+    "test at other speeds",
 )
 _NO_BETTER = RemarkKind(
     "no_better_than_linear",
@@ -147,11 +157,16 @@ def no_better_than_linear(
         return
     deviation = float(np.sqrt(np.mean([np.var(test.force[test.counted]) for test in tests])))
     noise, kind = force_noise(tests), _NO_BETTER
+    measured = Measured(100.0 * (1.0 - nrmse), "%")
     if linear * deviation <= STRUCTURE * noise:
+        speeds = np.concatenate([np.abs(test.velocity[test.counted]) for test in tests])
+        slow, fast = np.percentile(speeds[speeds >= _MOVES * speeds.max()], _SLOW_AND_FAST)
         kind = _LINEAR if linear < _ALL_NOISE else _FORCE_IS_NOISE
+        if kind is _LINEAR and slow > _ONE * fast:
+            kind, measured = _ONE_SPEED, Measured(1e3 * float(fast), "mm/s")
     damper = fits[0].in_words if len(fits) == 1 else "a linear spring and dashpot, their own at each command,"
     yield kind.remark(
-        measured=Measured(100.0 * (1.0 - nrmse), "%"),
+        measured=measured,
         linear=100.0 * (1.0 - linear),
         damper=damper,
         noise=noise,
@@ -170,10 +185,8 @@ def force_noise(tests: Sequence[DamperTest]) -> float:
 
 def _differences_counted(test: DamperTest) -> slice | NDArray[np.bool_]:
     """The third differences of samples that are compared; all of them where too few are."""
-    spared = np.ones(test.n_time, dtype=np.bool_)
-    for first, last in test.uncompared:
-        spared[first:last] = False
-    counted = spared[:-3] & spared[1:-2] & spared[2:-1] & spared[3:]
+    outside = outside_spans(test)
+    counted = outside[:-3] & outside[1:-2] & outside[2:-1] & outside[3:]
     return counted if counted.any() else slice(None)
 
 

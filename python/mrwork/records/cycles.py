@@ -15,7 +15,7 @@ import numpy as np
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.records.checks import clipped_samples, half_range, static_force
-from mrwork.records.damper_test import DamperTest
+from mrwork.records.damper_test import DamperTest, outside_spans
 from mrwork.records.motion import SmoothMotion, fit_residual, turning_points, whole_cycles
 
 _FEWEST_FOR_MASS: Final = 2
@@ -46,7 +46,10 @@ def mass_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     spans = whole_cycles(motion.displacement)
     if len(spans) < _FEWEST_FOR_MASS:
         return
-    masses = np.array([_in_phase(test.force[span], motion.acceleration[span]) for span in spans])
+    # At the corners of a motion an acceleration is that of a filter.
+    outside = outside_spans(test)
+    moving = [np.arange(span.start, span.stop)[outside[span]] for span in spans]
+    masses = np.array([_in_phase(test.force[samples], motion.acceleration[samples]) for samples in moving])
     mass = float(masses.mean())
     error = float(masses.std(ddof=1) / np.sqrt(masses.size))
     peak = float(np.percentile(np.abs(motion.acceleration), 99.5))

@@ -138,11 +138,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
         """The samples that are compared with a model, as an index: the `window` without the `uncompared` spans."""
         if not self.uncompared:
             return self.window
-        mask = np.zeros(self.n_time, dtype=np.bool_)
-        mask[self.window] = True
-        for first, last in self.uncompared:
-            mask[first:last] = False
-        return np.flatnonzero(mask)
+        return int(self.window.start) + np.flatnonzero(outside_spans(self)[self.window])
 
     @property
     def n_counted(self) -> int:
@@ -247,6 +243,14 @@ class DamperTest(Plotted, WithAxes, Summarised):
             ),
             notes=[remark.in_words for remark in self.remarks],
         )
+
+
+def outside_spans(test: DamperTest) -> NDArray[np.bool_]:
+    """Whether each sample is outside the spans that are not compared, shape (n_time,)."""
+    outside = np.ones(test.n_time, dtype=np.bool_)
+    for first, last in test.uncompared:
+        outside[first:last] = False
+    return outside
 
 
 def _peak(samples: Floats) -> float:

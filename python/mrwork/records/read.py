@@ -197,7 +197,8 @@ def test_from_arrays(
         )
     left_out = checks.clipped_samples(signals.force)
     if velocity_source == "derived":
-        left_out |= corners(signals, motion, remarks)
+        about_corners, moving = corners(signals, motion, remarks)
+        left_out |= about_corners
     for sent_command in signals.commands:
         left_out |= sent_command.ringing_samples(displaced.size)
     on_grid = {sent_command.unit: sent_command.without_ringing() for sent_command in signals.commands}

@@ -151,8 +151,7 @@ def _velocity(test: DamperTest, _: float | None) -> _Done:
     if test.velocity_source == "derived":
         return "it is the derivative of the displacement already"
     motion, corner = smooth_motion(test.displacement, test.dt), list[Remark]()
-    derived = motion.velocity
-    left_out = corners(test, motion, corner)
+    left_out, derived = corners(test, motion, corner)
     changed = float(np.sqrt(np.mean((test.velocity - derived) ** 2) / np.mean(derived**2)))
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
