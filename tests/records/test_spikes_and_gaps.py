@@ -198,7 +198,7 @@ def test_a_loop_keeps_its_state_through_a_corner_for_the_rest_of_the_record() ->
     test = mr.test_from_arrays(time[::40], noisy, exact[::40] + rng.standard_normal(4000))
     assert "velocity_leaps" in codes(test)
     force = mr.simulate_force(spec, theta, mr.Loading(dt=2e-3, displacement=noisy, velocity=test.velocity))
-    # A derivative across the corner has waves of which the loop keeps 8 N.
+    # A derivative across the corner has waves of which the loop keeps 11 N.
     assert abs(np.mean((test.force - force)[1100:])) < 2.0
 
 
