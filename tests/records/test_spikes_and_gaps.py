@@ -179,7 +179,10 @@ def test_corners_of_a_ramp_are_not_compared_and_leave_its_stiffness_right() -> N
     assert abs(found[1] - 5000.0) < 3.0 * errors[1]
 
 
-def test_a_loop_keeps_its_state_through_a_corner_for_the_rest_of_the_record() -> None:
+@pytest.mark.parametrize(("noise", "source"), [(None, "derived"), (0.0, "measured"), (2e-4, "derived")])
+def test_a_loop_keeps_its_state_through_a_corner_for_the_rest_of_the_record(
+    noise: float | None, source: str
+) -> None:
     # Two cycles that end at full speed, and rest. The force is of a step forty times finer.
     spec = mr.damper("normalised_bouc_wen")
     theta = np.array(
@@ -195,7 +198,10 @@ def test_a_loop_keeps_its_state_through_a_corner_for_the_rest_of_the_record() ->
     exact = mr.simulate_force(spec, theta, mr.Loading(dt=5e-5, displacement=displacement, velocity=velocity))
     rng = np.random.default_rng(1)
     noisy = displacement[::40] + 1e-6 * rng.standard_normal(4000)
-    test = mr.test_from_arrays(time[::40], noisy, exact[::40] + rng.standard_normal(4000))
+    measured = None if noise is None else velocity[::40] + noise * rng.standard_normal(4000)
+    test = mr.test_from_arrays(time[::40], noisy, exact[::40] + rng.standard_normal(4000), velocity=measured)
+    # Noise of a velocity at rest makes the loop forget its force.
+    assert test.velocity_source == source
     assert "velocity_leaps" in codes(test)
     force = mr.simulate_force(spec, theta, mr.Loading(dt=2e-3, displacement=noisy, velocity=test.velocity))
     # A derivative across the corner has waves of which the loop keeps 11 N.

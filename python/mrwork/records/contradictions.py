@@ -254,6 +254,8 @@ _OF_UNITS: Final = 0.04
 # derivative. Parameters then are several standard errors off; measured velocities of rigs have up to 1.1 %.
 _NOISY: Final = 0.015
 _NOISIER: Final = 2.0
+# Share of a record at rest, which is less than its noise.
+_RESTS: Final = 0.1
 
 # Steps of a clock that is slow or fast by a thousand, and the units that were confused, by the ratio of the velocity to
 # the derivative: damper tests are sampled at 20 Hz to 50 kHz.
@@ -394,7 +396,8 @@ def velocity_agrees(
 
     `velocity`, `displacement`: shape (n_time,) [m/s, m]. `motion`: smoothed motion. A delay below 0.02 rad at its
     dominant frequency is reported only if it is the half sample of backward differences, which degrades fits of loops
-    with sharp knees. `uncompared`: spans of samples, first and beyond the last, that were interpolated.
+    with sharp knees. `uncompared`: spans of samples, first and beyond the last, that were interpolated
+    or are beside corners.
     """
     differentiator = motion.differentiator
     comparison = _compare_velocities(velocity, displacement, motion, uncompared)
@@ -421,7 +424,9 @@ def velocity_agrees(
     noise, derived, spread = comparison.own, comparison.derived, float(np.std(motion.velocity))
     # Differences of quantised readings are noisier than the derivative, and bias the parameters.
     noisy: tuple[Remark, ...] = ()
-    if difference <= _MISFIT and noise > max(_NOISY * spread, _NOISIER * derived):
+    # At rest, noise makes a loop forget its force.
+    harms = noise > _NOISY * spread or np.mean(np.abs(motion.velocity) < noise) > _RESTS
+    if difference <= _MISFIT and harms and noise > _NOISIER * derived:
         numbers = {"own": 1e3 * noise, "share": 100.0 * noise / spread, "derived": 1e3 * derived}
         done = "it is kept, as asked" if keep else _DERIVED_INSTEAD
         noisy = (_NOISY_VELOCITY.remark(done, measured=Measured(noise, "m/s"), **numbers),)
@@ -495,15 +500,20 @@ class _VelocityMisfit:
         return Measured(late, "s", standard_error=error)
 
 
+# Percentiles of what a filter removes from a velocity; leaps of a few samples are beyond.
+_WITHOUT_LEAPS: Final = (1.0, 99.0)
+
+
 def _compare_velocities(
     velocity: Floats, displacement: Floats, motion: SmoothMotion, uncompared: Sequence[tuple[int, int]]
 ) -> _VelocityMisfit:
     differentiator = motion.differentiator
     span = differentiator.window // 2
-    sound = np.ones(velocity.size - span, dtype=np.bool_)
-    # A span with an interpolated sample says nothing.
+    sound, outside = np.ones(velocity.size - span, dtype=np.bool_), np.ones(velocity.size, dtype=np.bool_)
+    # A span with a sample that is interpolated, or beside a corner, says nothing.
     for first, last in uncompared:
         sound[max(first - span - 1, 0) : last + 1] = False
+        outside[first:last] = False
     starts = np.flatnonzero(sound) if np.count_nonzero(sound) > span else np.arange(sound.size)
 
     def means(rate: Floats) -> Floats:
@@ -517,7 +527,8 @@ def _compare_velocities(
 
     travelled = (displacement[span:] - displacement[:-span])[starts] / (span * differentiator.dt)
     power = float(np.mean(travelled**2))
-    own = differentiator.noise(velocity - differentiator.smooth(velocity))
+    removed = (velocity - differentiator.smooth(velocity))[outside if outside.any() else ...]
+    own = differentiator.noise(removed.clip(*np.percentile(removed, _WITHOUT_LEAPS)))
     read = differentiator.noise(displacement - motion.displacement)
     noise = np.hypot(np.sqrt(2.0) * read / (span * differentiator.dt), own / np.sqrt(span))
     return _VelocityMisfit(

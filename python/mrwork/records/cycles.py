@@ -44,11 +44,11 @@ def mass_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     if test.has_varying_command:
         return
     spans = whole_cycles(motion.displacement)
-    if len(spans) < _FEWEST_FOR_MASS:
-        return
     # At the corners of a motion an acceleration is that of a filter.
     outside = outside_spans(test)
-    moving = [np.arange(span.start, span.stop)[outside[span]] for span in spans]
+    moving = [np.arange(span.start, span.stop)[outside[span]] for span in spans if outside[span].any()]
+    if len(moving) < _FEWEST_FOR_MASS:
+        return
     masses = np.array([_in_phase(test.force[samples], motion.acceleration[samples]) for samples in moving])
     mass = float(masses.mean())
     error = float(masses.std(ddof=1) / np.sqrt(masses.size))

@@ -56,6 +56,7 @@ from mrwork.records.contradictions import (
     still_remarks,
     velocity_agrees,
 )
+from mrwork.records.corners import Corners
 from mrwork.records.cycles import delay_remark, drift_remark, mass_remark
 from mrwork.records.damper_test import DamperTest, VelocitySource, fields_of_commands
 from mrwork.records.motion import SmoothMotion, smooth_motion
@@ -72,7 +73,6 @@ from mrwork.records.rig_table import (
 from mrwork.records.window import (
     Signals,
     complete_rows,
-    corners,
     settling_samples,
     spans_with,
     uncompared_spans,
@@ -186,6 +186,7 @@ def test_from_arrays(
     signals = uniform_step(without_spikes(complete, remarks), remarks, source=source)
     displaced, dt = signals.displacement, signals.dt
     motion = smooth_motion(displaced, dt)
+    corners = Corners.of(displaced, signals.force, motion)
     uncompared = uncompared_spans(signals, motion.velocity)
     moving = motion.velocity
     velocity_source: VelocitySource = "derived"
@@ -193,12 +194,20 @@ def test_from_arrays(
     if signals.velocity is not None and complete.velocity is not None:
         late = late_by_making(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
-            signals.velocity, displaced, motion, uncompared, late=late, keep=keep_velocity
+            signals.velocity,
+            displaced,
+            motion,
+            spans_with(uncompared, corners.reached),
+            late=late,
+            keep=keep_velocity,
         )
     left_out = checks.clipped_samples(signals.force)
-    if velocity_source == "derived":
-        about_corners, moving = corners(signals, motion, remarks)
-        left_out |= about_corners
+    if velocity_source == "measured":
+        corners = corners.leaping(moving)
+    if velocity_source == "derived" or not keep_velocity:
+        moving = corners.velocity(moving, displaced, dt, velocity_source)
+        remarks += corners.remarks(signals.time, velocity_source)
+        left_out |= corners.about
     for sent_command in signals.commands:
         left_out |= sent_command.ringing_samples(displaced.size)
     on_grid = {sent_command.unit: sent_command.without_ringing() for sent_command in signals.commands}

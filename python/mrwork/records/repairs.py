@@ -21,6 +21,7 @@ from mrwork.errors import SettingError
 from mrwork.records import contradictions as contradictions
 from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
 from mrwork.records.command import command_of
+from mrwork.records.corners import Corners
 from mrwork.records.damper_test import DamperTest, fields_of_commands
 from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.observation import (
@@ -36,7 +37,7 @@ from mrwork.records.observation import (
     value_of,
 )
 from mrwork.records.pulses import pulses_of
-from mrwork.records.window import corners, cut, spans_with
+from mrwork.records.window import cut, spans_with
 
 RepairKind = Literal["rest", "pulses", "offset", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
@@ -150,8 +151,9 @@ def _offset(test: DamperTest, amount: float | None) -> _Done:
 def _velocity(test: DamperTest, _: float | None) -> _Done:
     if test.velocity_source == "derived":
         return "it is the derivative of the displacement already"
-    motion, corner = smooth_motion(test.displacement, test.dt), list[Remark]()
-    left_out, derived = corners(test, motion, corner)
+    motion = smooth_motion(test.displacement, test.dt)
+    corners = Corners.of(test.displacement, test.force, motion)
+    derived = corners.velocity(motion.velocity, test.displacement, test.dt, "derived")
     changed = float(np.sqrt(np.mean((test.velocity - derived) ** 2) / np.mean(derived**2)))
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
@@ -160,8 +162,8 @@ def _velocity(test: DamperTest, _: float | None) -> _Done:
         test,
         velocity=freeze_samples(derived),
         velocity_source="derived",
-        uncompared=spans_with(test.uncompared, left_out),
-        remarks=(*test.remarks, *corner),
+        uncompared=spans_with(test.uncompared, corners.about),
+        remarks=(*test.remarks, *corners.remarks(test.time, "derived")),
     )
     return repaired, Measured(changed, ""), message
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import field, replace
-from itertools import pairwise
 from math import ceil
 from typing import Any, Final
 
@@ -19,7 +18,6 @@ from mrwork.dampers.command import Command, runs_of
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.rounded_times import JITTER, regular_steps, rounded_grid
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.motion import Differentiator, SmoothMotion, robust_deviation
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -299,106 +297,6 @@ def uncompared_spans(signals: Signals, velocity: Floats) -> tuple[tuple[int, int
         unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * signals.dt * fastest)
         left_out[first : int(np.searchsorted(travel, travel[last - 1] + unknown))] = True
     return runs_of(left_out)
-
-
-# Samples to either side of a corner, from which its change of velocity is seen, and seen again twice as far.
-_BESIDE: Final = 2
-# Least share of either change in the other: 1 of a corner, 1/2 of a motion that bends throughout, or of a jump.
-_OF_CORNER: Final = 0.75
-# Least change, in the largest velocity and in its standard errors, and of the force, in its usual steps.
-_LEAST_CHANGE: Final = 0.2
-_CHANGE_ERRORS: Final = 8.0
-_FORCE_LEAPS: Final = 6.0
-# Samples to either side of a corner over which its velocity goes from one side to the other, and those beside them.
-_TRANSITION: Final = 2
-_LEFT_OUT: Final = _TRANSITION + 1
-# Samples of the shortest side of a corner.
-_SHORTEST_SIDE: Final = 16
-_CORNERS: Final = RemarkKind(
-    "velocity_leaps",
-    "velocity and force leap {0} {at:.6g} s; the velocity is derived on either side, and {value:.0f} {1} not compared",
-    verbs=ONCE,
-)
-
-
-def corners(
-    signals: Signals | DamperTest, motion: SmoothMotion, remarks: list[Remark]
-) -> tuple[NDArray[np.bool_], Floats]:
-    """Samples about corners of the motion at which the force leaps, with a remark, and the velocity on either side.
-
-    A derivative across a corner is wrong by up to half the change of velocity, and its waves beside the corner change
-    the state of a model for the rest of the record. A force that does not leap does not show the velocity of a sample.
-    """
-    displacement, velocity = motion.displacement, motion.velocity
-    half, is_corner = motion.differentiator.windows // 2, np.zeros(displacement.size, dtype=np.bool_)
-    removed = signals.displacement - displacement
-    # Of five samples, the shortest window, a cubic removes half of the variance of the noise.
-    error = np.sqrt(12.0) * robust_deviation(removed) / (_BESIDE * signals.dt)
-
-    def changes(by: int) -> Floats:
-        ends = signals.displacement[2 * by :] + signals.displacement[: -2 * by]
-        return np.abs(ends - 2.0 * signals.displacement[by:-by]) / (by * signals.dt)
-
-    near, far = changes(_BESIDE)[_BESIDE:-_BESIDE], changes(2 * _BESIDE)
-    least = max(_LEAST_CHANGE * float(np.abs(velocity).max()), _CHANGE_ERRORS * error)
-    of_corner = (near > _OF_CORNER * far) & (far > _OF_CORNER * near)
-    is_corner[2 * _BESIDE : -2 * _BESIDE] = of_corner & (near > least)
-    steps = np.abs(np.diff(signals.force))
-    leap, left_out = _FORCE_LEAPS * robust_deviation(steps), np.zeros_like(is_corner)
-    found, divided = list[int](), [0]
-    for first, last in runs_of(is_corner):
-        reach, corner = int(half[first:last].max()), (first + last) // 2
-        about = slice(max(first - reach, 0), last + reach)
-        if steps[about].max() <= leap:
-            continue
-        found.append(corner)
-        if min(corner - divided[-1], displacement.size - 1 - corner) >= _SHORTEST_SIDE:
-            about = slice(corner - _LEFT_OUT, corner + _LEFT_OUT + 1)
-            divided.append(corner)
-        left_out[about] = True
-    if found:
-        count = int(np.count_nonzero(left_out))
-        times = "at" if len(found) == 1 else f"{len(found)} times, first at"
-        measured = Measured(count, "")
-        remarks.append(
-            _CORNERS.remark(
-                times,
-                "samples about it are" if len(found) == 1 else "samples are",
-                measured=measured,
-                at=signals.time[found[0]],
-            )
-        )
-    if len(divided) > 1:
-        velocity = _velocity_about(divided[1:], signals.displacement, signals.dt)
-    return left_out, velocity
-
-
-def _velocity_about(corners: list[int], displacement: Floats, dt: float) -> Floats:
-    """Velocity of a displacement, shape (n_time,), derived between corners, and in a smooth step across each.
-
-    The step is about the instant at which the motions of both sides meet, so that the travel is theirs.
-    """
-    moved, velocity = np.empty((2, displacement.size))
-    for before, after in pairwise([-1, *corners, displacement.size]):
-        side = slice(before + 1, after)
-        differentiator = Differentiator.of(displacement[side], dt)
-        moved[side], velocity[side] = (
-            differentiator.derivative(displacement[side], order) for order in (0, 1)
-        )
-    result = velocity.copy()
-    for corner in corners:
-        before, after = velocity[corner - 1], velocity[corner + 1]
-        travel = moved[corner + 1] - moved[corner - 1]
-        meeting = np.clip((travel / dt - before - after) / (before - after), -1.0, 1.0)
-        about = np.arange(corner - _LEFT_OUT, corner + _LEFT_OUT + 1)
-        step = np.clip((about - corner - meeting) / _TRANSITION, -1.0, 1.0)
-        share = 0.5 + step * (15.0 - 10.0 * step**2 + 3.0 * step**4) / 16.0
-        earlier, later = (
-            np.where(about < corner, velocity[about], before),
-            np.where(about > corner, velocity[about], after),
-        )
-        result[about] = earlier + share * (later - earlier)
-    return result
 
 
 def spans_with(
