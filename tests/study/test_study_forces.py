@@ -382,7 +382,9 @@ def test_a_page_of_a_car_calls_its_parts_by_their_names(tmp_path: Path, pages: N
         r"<(style|script).*?</\1>|<[^>]*>", " ", (tmp_path / "out" / "report.html").read_text(), flags=re.S
     )
     of_buildings = r"storey|roof|drift ratio|building|ground motion|ground acceleration"
-    assert not re.search(of_buildings, ended.stdout + page, re.IGNORECASE)
+    # The page has the command line, whose folder may be called anything.
+    said = (ended.stdout + page).replace(str(tmp_path), "")
+    assert not re.search(of_buildings, said, re.IGNORECASE)
     assert all(words in page for words in ("tyre, suspension", "Quarter car", "Shear of parts"))
     # A road has no peak acceleration.
     results = mr.load(tmp_path / "out")
