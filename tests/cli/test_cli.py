@@ -1,7 +1,5 @@
 """The command line: what it prints, and that every bad input is one sentence and exit 2."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import sys

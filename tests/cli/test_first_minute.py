@@ -1,7 +1,5 @@
 """The first minute of somebody who has only the wheel: tour, demo, samples, help, misspelt words, completion."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shlex

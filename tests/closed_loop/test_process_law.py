@@ -1,7 +1,5 @@
 """A controller outside Python has the commands of the registry; one that fails gives zero and is told."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """Faults of recorders, units and tables are told of a ground motion; copies count once; honest motions are silent."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Roads under a vehicle: splines through heights, classes of ISO 8608, files, and what is doubtful of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Target spectra against hand calculation, motions scaled to them, and the check of a suite."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

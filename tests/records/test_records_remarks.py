@@ -1,7 +1,5 @@
 """The checks report defects, repair what is safe to repair, and report nothing otherwise; what recurs is said once."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """The command line, run in this process, which has loaded all that it needs already, or in one of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import subprocess

@@ -1,7 +1,5 @@
 """Runs of a study in closed form: a building of three storeys that swings in its first mode, less with each law."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The level at which the laws of a study are designed, and the target spectrum to which its motions are scaled."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

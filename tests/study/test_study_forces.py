@@ -1,7 +1,5 @@
 """Forces on floors in a study: where their tables come from, what is asked of them, and what baselines make of them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

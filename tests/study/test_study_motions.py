@@ -1,7 +1,5 @@
 """The ground motions of a study."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

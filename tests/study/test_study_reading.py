@@ -1,7 +1,5 @@
 """A study file, read whole: what it comes to, and that its mistakes are sentences with a line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import measured_data
