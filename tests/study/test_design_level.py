@@ -120,7 +120,9 @@ def test_a_study_says_how_its_suite_lies_beside_the_target(tmp_path: Path) -> No
     assert raised.suite.shortcomings == ()
     raised.to_toml(tmp_path / "study.toml")
     again = mr.read_study(tmp_path / "study.toml")
-    assert [each.intensity for each in again.motions] == [each.intensity for each in raised.motions]
+    assert [each.facts.intensity for each in again.motions] == [
+        each.facts.intensity for each in raised.motions
+    ]
     for one, other in zip(raised.motions, again.motions, strict=True):
         assert np.array_equal(one.ground.acceleration, other.ground.acceleration)
 
@@ -139,8 +141,8 @@ def test_the_period_of_the_target_is_that_of_the_suite() -> None:
     made = to_target({**EN_1998, "period": 0.5}, scale_to="sa")
     assert made.suite is not None
     assert made.suite.period == 0.5
-    assert made.motions[0].intensity is not None
-    assert made.motions[0].intensity.period == 0.5
+    assert made.motions[0].facts.intensity is not None
+    assert made.motions[0].facts.intensity.period == 0.5
 
 
 @pytest.mark.parametrize(
@@ -166,4 +168,4 @@ def test_a_mode_without_stiffness_has_no_period_to_scale_at() -> None:
     motion = {"synthetic": "kanai_tajimi", "duration": 4.0, "sa": 1.0}
     refusal(mr.study_of, building=free, motions=[motion], match="`periods` is inf")
     made = mr.study_of(building=free, motions=[{**motion, "sa_period": 0.5}])
-    assert made.motions[0].intensity is not None
+    assert made.motions[0].facts.intensity is not None

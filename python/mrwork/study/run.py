@@ -125,7 +125,7 @@ class _SoFar:
     def at_start(cls, study: Study, *, check_step: bool) -> _SoFar:
         axes = {
             "row": tuple(row.label for row in study.rows),
-            "motion": tuple(motion.name for motion in study.motions),
+            "motion": tuple(ground.name for ground in study.grounds),
         }
         realisations: dict[What, tuple[str, ...]] = {
             "runs": (NOMINAL,),
