@@ -113,6 +113,7 @@ def test_a_study_says_how_its_suite_lies_beside_the_target(tmp_path: Path) -> No
     assert heading == "Motions beside EN 1998-1 type 2, ground C, a_g 0.2 g"
     assert sentences == made.suite.in_words
     results = mr.run_study(made)
+    assert "suite_below_target" in {each.code for each in made.suite.shortcomings}
     assert results.page.facts[-1] == (heading, " ".join(sentences))
     factor = made.suite.factor * (1.0 + 1e-9)
     raised = to_target(scale_to="least_squares", factor=factor)

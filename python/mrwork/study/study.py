@@ -378,7 +378,7 @@ class Study(Summarised):
                 copies.setdefault(copy.facts.copy_of, []).append(copy.facts.record)
         of_records = dict.fromkeys(remark for motion in self.motions for remark in motion.remarks)
         of_motions = (*of_records, *copies_remarks(copies))
-        of_motions += () if self.suite is None else self.suite.remarks
+        of_motions += () if self.suite is None else self.suite.far_from_target
         of_laws = (
             replace(remark, message=f"{label}: {remark.message}", words=(label, *remark.words))
             for label, law in self.laws
