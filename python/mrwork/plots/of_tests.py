@@ -14,7 +14,7 @@ from mrwork.base.arguments import Whole
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, Quantity, quantity_named
-from mrwork.dampers.simulation import Amplitude, Frequency, simulate_force, sinusoid
+from mrwork.dampers.simulation import LoopAmplitude, LoopFrequency, simulate_force, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
@@ -370,14 +370,10 @@ def nominal_test(
 
 
 @style.drawn_in_style()
-def nominal_loops(spec: DamperSpec, *, amplitude: Amplitude = 0.015, frequency: Frequency = 2.5) -> Figure:
-    """Force over displacement and over velocity in the last cycle of a sinusoid, at zero command.
-
-    Parameters
-    ----------
-    amplitude, frequency
-        Of the motion of the figure.
-    """
+def nominal_loops(
+    spec: DamperSpec, *, amplitude: LoopAmplitude = 0.015, frequency: LoopFrequency = 2.5
+) -> Figure:
+    """Force over displacement and over velocity in the last cycle of a sinusoid, at zero command."""
     whole = nominal_test(spec, amplitude=amplitude, frequency=frequency, per_cycle=_PER_CYCLE)
     test = whole.part(whole.n_time - _PER_CYCLE - 1, whole.n_time)
     unit = style.force_unit(float(np.abs(test.force).max()))
