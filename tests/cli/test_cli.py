@@ -167,7 +167,7 @@ def test_options_of_slow_functions_have_their_defaults_ranges_and_meaning() -> N
             if isinstance(action.type, Range):
                 assert action.type == Range.of(next((part for part in node.parts if part.notes), node))
                 ranges += 1
-    assert (compared, ranges) == (17, 8)
+    assert (compared, ranges) == (19, 10)
 
 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:

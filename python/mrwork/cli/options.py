@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from mrwork.base.arguments import Threads
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.numbers import THREADS, named_path
@@ -25,8 +26,7 @@ def add_run(parser: CommandParser) -> None:
 
 def add_threads(parser: CommandParser, workers: str = "") -> None:
     """--threads; and --workers and --cluster, where `workers` says what they do."""
-    says = "number of threads, default 0, all"
-    parser.option(COMPUTATION, "--threads", says, THREADS, default=0, metavar="N")
+    add_option_of(parser, Threads, COMPUTATION, "threads", default=0, metavar="N")
     if not workers:
         return
     parser.option(

@@ -78,8 +78,6 @@ def tune(
         Seed, added to the `seed` of each table.
     journal
         Records every generation, and recalls the generations of a tuning that was interrupted.
-    threads
-        Threads to use, 0 for all; they change no bit of the result.
     on_progress
         Called with the progress after every generation; where it returns true the tuning is interrupted.
     executor

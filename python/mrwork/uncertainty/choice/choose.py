@@ -294,8 +294,6 @@ def choose_model(
         Laws of the parameters that follow the command, for the families that have such parameters.
     settings
         Settings of each identification, see `identify`; its bounds apply to the families that have such parameters.
-    threads
-        Threads of the simulation, 0 for all.
     on_progress
         Called during the fits.
     journal_of
