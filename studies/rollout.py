@@ -185,7 +185,7 @@ for place, level in enumerate(LEVELS):
     for each in study.motions:
         name = each.ground.name
         test = "four" if name.startswith(RECORDS) else "unseen" if name.startswith("Unseen") else "sixteen"
-        groups["training" if each.use == "training" else test].append(each.ground)
+        groups["training" if each.facts.use == "training" else test].append(each.ground)
     if script.quick:
         groups = {
             name: [mr.motions.trimmed(each, end=6.0) for each in group[:2]] for name, group in groups.items()

@@ -88,13 +88,13 @@ def groups_of(seconds: float) -> dict[str, Any]:
     groups: dict[str, Any] = {"training": [], "sixteen": [], "unseen": []}
     for each in study.motions:
         name, motion = each.ground.name, each.ground
-        if each.use == "test" and name.startswith(RECORDS):
+        if each.facts.use == "test" and name.startswith(RECORDS):
             continue
         peak = motion.dt * int(np.abs(motion.acceleration).argmax())
         start = max(0.0, min(peak - seconds / 3.0, motion.duration - seconds))
         motion = mr.motions.trimmed(motion, start=start, end=min(start + seconds, motion.duration))
         test = "unseen" if name.startswith("Unseen") else "sixteen"
-        groups["training" if each.use == "training" else test].append(motion)
+        groups["training" if each.facts.use == "training" else test].append(motion)
     return {name: group[:2] if script.quick else group for name, group in groups.items()}
 
 

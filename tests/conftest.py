@@ -3,8 +3,6 @@
 JAX compiles quickly, a module's compiled functions are released when it ends, and Ctrl-C reaches what a test starts.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

@@ -5,8 +5,6 @@ that the path names. A name that `mod.rs` re-exports is an edge to `mod.rs`, whi
 that defines it. `mod name;` and `pub(in path)` are no edges.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter

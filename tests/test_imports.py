@@ -1,7 +1,5 @@
 """Heavy packages are imported in their modules only, JAX by no verb; no number depends on what was imported before."""
 
-from __future__ import annotations
-
 import ast
 import json
 import sys

@@ -1,7 +1,5 @@
 """Which vector instructions this build and this machine have, and what is said where some lie idle."""
 
-from __future__ import annotations
-
 import os
 import sys
 

@@ -1,7 +1,5 @@
 """LICENCES.md lists what the lock files list, and what everybody installs is permitted."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import tomllib
 

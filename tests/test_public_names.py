@@ -1,7 +1,5 @@
 """What a user meets first: names, their types, and results that show themselves on one screen."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

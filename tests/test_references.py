@@ -1,7 +1,5 @@
 """What `mrwork cite` prints: every published source is a work with a title, and every work is used by something."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What results say of themselves: singular and plural, reasons in words, empty columns left out."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The fixture `refused`: another sentence fails."""
 
-from __future__ import annotations
-
 import pytest
 from sentences import TESTS, Refused
 

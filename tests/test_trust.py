@@ -1,7 +1,5 @@
 """What SECURITY.md says about code of others and about connections."""
 
-from __future__ import annotations
-
 import ast
 import io
 import os

@@ -1,5 +1,6 @@
 """Each form of annotation, with values that it takes and values that it refuses."""
 
+# Annotations that are text, as those of the package: what `checked` reads at the first call if need be.
 from __future__ import annotations
 
 import os

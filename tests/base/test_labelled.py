@@ -1,7 +1,5 @@
 """Results as arrays with names, axes and units: every axis of every type survives in xarray and in pandas."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path

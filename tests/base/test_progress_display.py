@@ -1,7 +1,5 @@
 """Progress tells where a run stands, how fast it goes and how long it may take, in a display for each place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

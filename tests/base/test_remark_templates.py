@@ -1,7 +1,5 @@
 """Every kind of remark, also of what no test provokes: its words and numbers are those that its template wants."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Words of the field that have another name here lead to a name that exists, wherever names are checked."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 from collections.abc import Iterator

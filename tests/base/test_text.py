@@ -1,7 +1,5 @@
 """Tables of text in each medium, and characters that a reader cannot see as escapes."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys

@@ -1,7 +1,5 @@
 """Units and their factors to SI."""
 
-from __future__ import annotations
-
 import math
 
 import hypothesis.strategies as st

@@ -1,7 +1,5 @@
 """Building: refusals, modes, state matrices, shear frames and damping from ratios."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

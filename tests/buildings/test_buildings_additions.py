@@ -1,7 +1,5 @@
 """Additions to a building: isolators, tuned mass, viscous dampers, brace."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Buildings are read correctly from TOML, .mat and text files; invalid ones are refused with their place."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Published buildings have their reported frequencies and damping."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from refusals import refusal

@@ -1,7 +1,5 @@
 """State spaces: buildings that come back from theirs, and reduction to modes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import measured_data

@@ -1,7 +1,5 @@
 """Coordinates far stiffer than the step, or without mass, that nothing names: condensed, said, or refused."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

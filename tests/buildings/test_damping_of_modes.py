@@ -1,7 +1,5 @@
 """Modes that grow are refused, modes without damping or stiffness are said, and a damped building is silent."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A device takes what the table of a damper in a study takes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Passive devices: what enters the matrices, published optima, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frames that yield: what is simulated beside the elastic matrices, P-delta, and the push sideways."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise

@@ -1,10 +1,10 @@
 """The command line: what it prints, and that every bad input is one sentence and exit 2."""
 
-from __future__ import annotations
-
-import inspect
 import json
 import sys
+from collections.abc import Callable
+from inspect import signature
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,8 @@ from refusals import command_refusal
 from sentences import Refused
 from verb_folders import COMMANDS, written_record
 
-from mrwork.base.hints import nodes_of
+import mrwork as mr
+from mrwork.base.hints import Says, nodes_of, note_of
 from mrwork.cli.numbers import Range
 from mrwork.plots.of_tests import nominal_loops
 from mrwork.runs.export import export
@@ -145,20 +146,28 @@ def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path, refused
     refused.command("frobnicate")
 
 
-def test_options_of_slow_functions_have_their_defaults_and_ranges() -> None:
-    slow = {"models": nominal_loops, "fragility": fragility, "export": export, "respond": read_study}
-    compared = 0
-    for verb, function in slow.items():
-        nodes, parameters = nodes_of(function), inspect.signature(function).parameters
-        for action in COMMANDS[verb]._actions:
-            if isinstance(action.type, Range) and action.dest in parameters:
-                node = next(
-                    (part for part in nodes[action.dest].parts if part.form == "scalar"), nodes[action.dest]
-                )
-                assert action.default == parameters[action.dest].default
-                assert action.type == Range.of(node)
-                compared += 1
-    assert compared == 7
+def test_options_of_slow_functions_have_their_defaults_ranges_and_meaning() -> None:
+    slow: dict[str, tuple[Callable[..., object], ...]] = {
+        "models": (nominal_loops,),
+        "fragility": (fragility,),
+        "export": (export,),
+        "respond": (read_study, mr.run_study),
+        "tune": (read_study, mr.tune),
+        "report": (mr.report.write_page,),
+    }
+    compared, ranges = 0, 0
+    for verb, functions in slow.items():
+        for action, function in product(COMMANDS[verb]._actions, functions):
+            node = nodes_of(function).get(action.dest)
+            if node is None or not (says := note_of(node, Says)):
+                continue
+            assert (action.help or "").replace("%%", "%").startswith(says.words)
+            assert not action.default or action.default == signature(function).parameters[action.dest].default
+            compared += 1
+            if isinstance(action.type, Range):
+                assert action.type == Range.of(next((part for part in node.parts if part.notes), node))
+                ranges += 1
+    assert (compared, ranges) == (19, 10)
 
 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:

@@ -1,7 +1,5 @@
 """`mrwork convert`: every pair of conventions."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

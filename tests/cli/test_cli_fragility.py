@@ -1,7 +1,5 @@
 """The verbs `fragility` and `tune`: one JSON object, tables, sentences and files."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

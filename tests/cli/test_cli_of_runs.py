@@ -1,7 +1,5 @@
 """Verbs that add to the run folder of a fit, profile, sample, plan and calibrate: a table, JSON, and files in it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

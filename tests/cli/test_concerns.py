@@ -1,7 +1,5 @@
 """What `mrwork check` knows of a record, every verb says that it matters to: all declared kinds of remarks."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The first minute of somebody who has only the wheel: tour, demo, samples, help, misspelt words, completion."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shlex
@@ -118,7 +116,7 @@ def test_the_sample_car_is_a_study_on_two_kinds_of_roads(tmp_path: Path) -> None
 def test_the_sample_wind_runs_and_warns_of_nothing(tmp_path: Path) -> None:
     printed = typed("mrwork init wind wind", tmp_path)
     study = mr.read_study(tmp_path / "wind" / "wind.toml")
-    assert [motion.use for motion in study.motions] == ["test", "test", "training"]
+    assert [motion.facts.use for motion in study.motions] == ["test", "test", "training"]
     assert study.remarks == ()
     weight = 9.81 * study.building.total_mass
     for ground in study.grounds:

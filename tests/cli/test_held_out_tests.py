@@ -1,7 +1,5 @@
 """Held-out tests stay out: of a table of tests, no verb looks at the forces of a use that is not its own."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A parameter has one verdict and one standard error: in the terminal, in JSON, in the files and in Python."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

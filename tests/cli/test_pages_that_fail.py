@@ -1,7 +1,5 @@
 """A page that fails costs no result: verbs write their results first, and what follows is a warning."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What would be lost is said before a verb computes: an unfinished run, one of another verb, what was added to one."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Evaluation criteria: what each is, and the ratios that papers make of them."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What stands between building and coil does what it says: delay, rate, sensors, faults, observer."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from dataclasses import replace
 from typing import Literal

@@ -1,7 +1,5 @@
 """The loop moves as independent integrators say it does, and what it keeps is what its histories hold."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """However a run ends, the end has a name, spares its neighbours and can be had at once by Ctrl-C."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """The frame of Dyke et al. with its stiff damper: published responses, and steps that it takes of its own accord."""
 
-from __future__ import annotations
-
 import measured_data
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Chatter is counted as it is defined, and a dead zone and a slope of the command do what they say, for any law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

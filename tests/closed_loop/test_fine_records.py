@@ -1,7 +1,5 @@
 """Ground records finer than the integration step act by their integrals; a history ends with its record."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

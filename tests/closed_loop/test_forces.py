@@ -1,7 +1,5 @@
 """Forces on floors move a building as independent integrators say, alone, with the ground and beside other runs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

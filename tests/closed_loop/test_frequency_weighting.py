@@ -1,7 +1,5 @@
 """The weighting W_k: its published magnitudes, and the analogue filter on the same samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from refusals import refusal

@@ -1,7 +1,5 @@
 """Groups of dampers, each of a model with parameters, laws and a driver of its own, are simulated in one loop."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Loops with dampers of the user: JAX has all results of the core with a registered model of the same equations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

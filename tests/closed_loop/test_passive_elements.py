@@ -1,7 +1,5 @@
 """Passive elements in the loop: independent integrators, closed forms, energy, refinement of the step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

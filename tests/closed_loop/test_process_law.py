@@ -1,12 +1,13 @@
 """A controller outside Python has the commands of the registry; one that fails gives zero and is told."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
+import socket
+import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -232,6 +233,26 @@ def test_a_controller_that_is_lost_gives_zero_from_there_on(fails: str, words: s
     assert re.search(words, remark.message), remark.message
 
 
+def test_a_controller_that_leaves_its_port_has_no_stderr_to_look_at() -> None:
+    with socket.socket(type=socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 0))
+
+        def answer() -> None:
+            for _ in range(20):
+                message, place = port.recvfrom(1 << 12)
+                port.sendto(message[:8] + struct.pack("<d", 1.0), place)
+            port.close()
+
+        controller = threading.Thread(target=answer)
+        controller.start()
+        found = run(ProcessLaw(name="mine", address=port.getsockname(), readings=["rate"], timeout=0.1))
+        controller.join()
+    (remark,) = found.law_remarks
+    assert remark.code == "controller_lost"
+    assert "listens at that port" in remark.message
+    assert "stderr" not in remark.message
+
+
 def test_a_controller_is_started_again_for_the_next_run(tmp_path: Path) -> None:
     """One that ends in its second run is there in the third."""
     marks = tmp_path / "runs"
@@ -351,9 +372,9 @@ def test_a_law_of_no_controller_is_refused(settings: dict[str, object], words: s
 
 
 def test_a_port_where_nothing_listens_is_refused() -> None:
-    refusal(
-        run, ProcessLaw(name="mine", address=("127.0.0.1", 9), start_timeout=1.0), match=r"127\.0\.0\.1:9"
-    )
+    law = ProcessLaw(name="mine", address=("127.0.0.1", 9), start_timeout=1.0)
+    refused = refusal(run, law, match=r"127\.0\.0\.1:9 .*see whether it runs and listens at that port")
+    assert "std" not in str(refused)
     nowhere = ProcessLaw(name="mine", address=("no-such-host.invalid", 4000))
     refusal(run, nowhere, match="no way to no-such-host.invalid:4000")
 
@@ -387,6 +408,7 @@ def test_a_program_that_hangs_is_killed_with_what_it_has_started(tmp_path: Path)
 
 INTERRUPTED = """
 import sys
+import threading
 sys.path[:0] = {path!r}
 from test_process_law import python_law, run, sweep
 run(python_law({text!r}), sweep(60.0))

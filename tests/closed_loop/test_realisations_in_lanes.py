@@ -1,7 +1,5 @@
 """Realisations of building, delay and noise run side by side, each with the bits that it has alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A law in Python runs in the loop of every law: the same bits, in a batch as alone; its errors are sentences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, friction, rd1005, still, sweep

@@ -1,7 +1,5 @@
 """The contracts run over the registry: a model that is listed is tested, without an edit here."""
 
-from __future__ import annotations
-
 import pytest
 from compiled import release_compiled
 from damper_samples import MOTIONS

@@ -3,8 +3,6 @@
 The calls of the sweep are those that the package itself makes of a small loop, a damper and a regulator.
 """
 
-from __future__ import annotations
-
 import inspect
 import pickle
 from collections.abc import Callable, Iterator

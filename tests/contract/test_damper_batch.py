@@ -1,7 +1,5 @@
 """A candidate's bits do not depend on its neighbours, the block, the threads or the instruction set."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The stepping rule converges at fourth order where a path is smooth, at second order elsewhere."""
 
-from __future__ import annotations
-
 import numpy as np
 from damper_samples import STROKE, noise, random_theta, sine
 

@@ -4,8 +4,6 @@ The maps go coordinate by coordinate, and JAX compiles each operation once for e
 through one after the other, on JAX all at once, their parameters side by side.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import hypothesis.strategies as st

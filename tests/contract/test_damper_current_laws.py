@@ -1,7 +1,5 @@
 """Current laws of every model: names, plain model at a held command, steps of the command, twin, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import jax

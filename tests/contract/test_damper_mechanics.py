@@ -1,7 +1,5 @@
 """Mechanics of every damper for all parameters: it stays at rest, mirrors, dissipates and never returns a NaN."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

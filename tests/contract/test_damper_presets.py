@@ -1,7 +1,5 @@
 """Published sets of every model: complete, admissible, sourced, and they run and dissipate."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Refinement finds the nominal parameters again in data without noise, from a start 10 to 20 % away."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forward sensitivities of every model: the force to the bit, the derivatives of the twin, and of the kernel itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import jax

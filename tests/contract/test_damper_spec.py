@@ -1,7 +1,5 @@
 """What every damper model says of itself is complete and consistent."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """The JAX twin is the Rust model: same names, same numbers, same trajectories, differentiable throughout."""
 
-from __future__ import annotations
-
 import jax
 import jax.numpy as jnp
 import numpy as np

@@ -1,7 +1,5 @@
 """The examples in docstrings of public names do what they say."""
 
-from __future__ import annotations
-
 import doctest
 from pathlib import Path
 

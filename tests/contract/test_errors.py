@@ -1,7 +1,5 @@
 """Every error of the package pickles and copies, as a pool of processes needs: type, text and attributes."""
 
-from __future__ import annotations
-
 import copy
 import importlib
 import inspect

@@ -3,8 +3,6 @@
 The classes are found by walking over the package: a new one is covered by being written.
 """
 
-from __future__ import annotations
-
 import copy
 import pickle
 import subprocess

@@ -4,8 +4,6 @@ What its annotation excludes is refused by an error of ours that names the argum
 call ends in an error of ours in one printable line, or in a result, and soon.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 import signal

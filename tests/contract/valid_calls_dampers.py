@@ -3,8 +3,6 @@
 A call is small: wrong arguments that happen to be valid must not take long.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

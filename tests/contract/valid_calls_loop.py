@@ -1,7 +1,5 @@
 """Valid calls on buildings, control, the loop and studies, for tests that make them wrong."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Wrong arguments made from right ones: of another kind, shape, length, size, range or name."""
 
-from __future__ import annotations
-
 import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping

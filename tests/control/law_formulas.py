@@ -1,9 +1,8 @@
 """The control laws again, in NumPy, from their papers: commands over time from what a recorded run did."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -37,7 +36,7 @@ class Recorded:
         motion: mr.GroundMotion,
         run: mr.closed_loop.History,
         sample_time: float,
-    ) -> Recorded:
+    ) -> Self:
         # The velocity of straight pieces is exact at their joints only: samples that fall between take the parabola.
         fine = np.arange(len(run.time)) * sample_time
         index = np.minimum((fine / motion.dt + 1e-9).astype(int), motion.n_time - 2)

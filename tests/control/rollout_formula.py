@@ -1,7 +1,5 @@
 """The predictive rollout again, in NumPy: one run, all candidates side by side as rows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Its numbers stand in `loop_samples.law_with_gains`, its formula again, in NumPy, in `law_formulas`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fuzzy table is Mamdani's inference, worked out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

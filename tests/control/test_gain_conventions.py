@@ -1,7 +1,5 @@
 """A finished gain in the convention of another program: what fits is named, and nothing is chosen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_continuous_are, solve_discrete_are

@@ -1,7 +1,5 @@
 """A script designs a law without a file, and is refused as a study file is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

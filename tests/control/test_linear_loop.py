@@ -1,7 +1,5 @@
 """Stability margins: at each of them the sampled loop itself, built sample by sample, is at its limit of stability."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy

@@ -1,7 +1,5 @@
 """Regulators are optimal, stable, the same in all units of the building, and those of published weights."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

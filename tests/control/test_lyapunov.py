@@ -1,7 +1,5 @@
 """A Lyapunov function falls at the rate that was asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

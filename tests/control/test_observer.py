@@ -1,7 +1,5 @@
 """The observer is the best linear one: its error has the covariance that it says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The state space of a building with devices says what its equations of motion say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

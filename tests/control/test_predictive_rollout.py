@@ -1,7 +1,5 @@
 """The predictive rollout against its copy in NumPy, what it promises in its model, and what it refuses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Batches of regulators, filters and costs: exact, the same in every batch, and failures are values."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 from typing import Literal

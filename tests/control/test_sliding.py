@@ -1,7 +1,5 @@
 """On its surface the building moves as designed, and the gains bring it there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from control_samples import plant

@@ -1,7 +1,5 @@
 """Laws of absolute motion on a car, whose sprung mass is named: skyhook of the body, groundhook of the wheel."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A static model that stands for another damper, for laws that want force as a function of current."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

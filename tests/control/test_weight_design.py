@@ -1,7 +1,5 @@
 """Designed weights: what is claimed of rms values and of the least ratio holds by equations that are written out."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from functools import cache
 from itertools import product

@@ -1,7 +1,5 @@
 """Weights of outputs and states: matrices, cross terms, refusals; against formulas written out from M, C and K."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The dead zone of `backlash_bouc_wen`: no force within the play, the normalised Bouc-Wen model behind it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from backlash_rig import DT, ELEMENT, MOTIONS, PLAY, force_behind_play

@@ -1,7 +1,5 @@
 """Equivalent forms of a model give equal forces, and a form that cannot exist is refused."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 from itertools import pairwise
 

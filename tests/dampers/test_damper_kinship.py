@@ -1,7 +1,5 @@
 """Models that are special cases of others give equal forces; smoothed models converge to the others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

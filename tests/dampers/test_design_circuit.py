@@ -1,7 +1,5 @@
 """Fluids, steels, and the magnetic circuit of a coil, against hand formulas and limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

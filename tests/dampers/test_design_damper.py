@@ -1,7 +1,5 @@
 """A damper from its geometry: forces, the published damper of 20 tons, and the model that simulations take."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

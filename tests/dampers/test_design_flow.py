@@ -1,7 +1,5 @@
 """Flow of Bingham and Herschel-Bulkley fluids through a slot, against closed forms, published roots and limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import get_args

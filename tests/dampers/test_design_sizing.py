@@ -1,7 +1,5 @@
 """Sizing: what it promises, whatever the search; refusals."""
 
-from __future__ import annotations
-
 import math
 import signal
 import sys

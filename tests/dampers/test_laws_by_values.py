@@ -1,7 +1,5 @@
 """Laws by values at commands: the curve through them, its tangents, its names; where laws leave what a model admits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from examples import examples

@@ -1,7 +1,5 @@
 """Equations of pages become MathML at build."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 
 import pytest

@@ -1,7 +1,5 @@
 """Blocks of pages are found and run as the guide says, and built pages are looked through."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import sys

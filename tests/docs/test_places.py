@@ -1,7 +1,5 @@
 """Files that pages for contributors name are there and have what is named; cited decisions have these titles."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

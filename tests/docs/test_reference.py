@@ -1,7 +1,5 @@
 """The generated reference has everything that can be used, and its text is complete before Sphinx sees it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

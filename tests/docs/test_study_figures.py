@@ -1,7 +1,5 @@
 """Figures of studies in tables and sentences of the pages are those that the studies state, to the digits shown."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

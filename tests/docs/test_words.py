@@ -1,7 +1,5 @@
 """What a person reads uses the standard terms of the field."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """FMUs that are unpacked, and instances of their binaries by either standard, called as an importer calls them."""
 
-from __future__ import annotations
-
 import ctypes
 import zipfile
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Printed controllers, driven by readings and as processes in the loop."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable
 from pathlib import Path

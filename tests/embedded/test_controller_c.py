@@ -1,7 +1,5 @@
 """Printed controllers: the commands of the core to the bit, also from readings that no sensor gives."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

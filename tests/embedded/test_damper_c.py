@@ -1,7 +1,5 @@
 """Printed dampers: the bits of the lanes in C, under any compiler; readings that no sensor gives; names of C."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """FMUs of stand-ins: valid, compiled without a warning, with the numbers of the C within them."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import shutil

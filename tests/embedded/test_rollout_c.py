@@ -1,7 +1,5 @@
 """The predictive rollout in C: the commands of the core, whatever its model and its timing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

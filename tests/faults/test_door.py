@@ -1,7 +1,5 @@
 """Options given what they cannot be, and commands whose stdout or stderr is full, closed or left: how they end."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

@@ -4,8 +4,6 @@ A process sends the signal to itself, at one of the files, folders or lines of j
 moment that no load of the machine moves.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

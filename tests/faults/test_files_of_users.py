@@ -1,7 +1,5 @@
 """Files of users stay: no file grows through a link, and no regular file is replaced that the user did not name."""
 
-from __future__ import annotations
-
 import os
 from contextlib import closing
 from pathlib import Path

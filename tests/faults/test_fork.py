@@ -1,7 +1,5 @@
 """A process that is forked after mrwork has computed: simulations go on, JAX, which would hang, is refused."""
 
-from __future__ import annotations
-
 import multiprocessing
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The smallest files that showed a defect, and those that claim more than they hold: each is refused soon."""
 
-from __future__ import annotations
-
 import os
 import resource
 import struct

@@ -1,7 +1,5 @@
 """Damaged copies of files: what reads one gives a result or an error of ours, and no file is lost."""
 
-from __future__ import annotations
-
 import json
 import re
 import warnings

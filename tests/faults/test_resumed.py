@@ -3,8 +3,6 @@
 The journal of a finished call is cut after each of its lines; several journals are lines of one after another.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """Candidates in a call: forces, exact derivatives and the misfit as a function, as a user's own search calls them."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Doubts of a fit that has converged: noise of the motion, laws through logarithms, offsets of the force."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A mass, lag or delay of the recorded force that tests at several frequencies have in common."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 from unittest import mock

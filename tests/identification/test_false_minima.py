@@ -1,7 +1,5 @@
 """False minima: fits where a search once stopped in one, and warnings where a minimum is not certain."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

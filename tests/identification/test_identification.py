@@ -1,7 +1,5 @@
 """Identification finds what generated the data, says how sure it is, and keeps what it has."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A moving average of the record is part of the model by default, in the fit and in what follows from it."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import replace
 from functools import cache, partial

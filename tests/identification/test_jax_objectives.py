@@ -1,7 +1,5 @@
 """Residuals and misfits as functions of JAX: values and derivatives of `mr.objective`, whatever its pipeline has."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import jax

@@ -1,7 +1,5 @@
 """One model for all tests of a rig: laws, observation and effects of each test are found again from synthetic tests."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

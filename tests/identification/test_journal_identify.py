@@ -3,8 +3,6 @@
 That each does from any line of its journal, and after a kill, is tested in `tests/faults`.
 """
 
-from __future__ import annotations
-
 import shutil
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """All engines of the local minimisation reach the same minimum; what JAX has compiled is reused."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

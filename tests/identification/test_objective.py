@@ -1,7 +1,5 @@
 """Residuals of several tests at once: exact Jacobians for every observation, the bits of any threads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

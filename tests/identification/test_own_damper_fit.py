@@ -1,7 +1,5 @@
 """Dampers of users in fits, run folders, choices and other processes."""
 
-from __future__ import annotations
-
 import json
 import re
 from concurrent.futures import ProcessPoolExecutor

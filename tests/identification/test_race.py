@@ -1,7 +1,5 @@
 """The race: minimisations of a batch are independent, and routes go on until two agree on the minimum."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A run folder opened again has its fit, and its tests to the last bit."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Settings of an identification are one value, which a fit gives back as it was."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields, replace
 

@@ -1,7 +1,5 @@
 """Loops sharper than the tests resolve: the minimisation at that limit, and what such a fit costs in a building."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

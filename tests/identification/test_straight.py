@@ -1,7 +1,5 @@
 """Steps of least squares are straight in the forces, and stop at bounds that the misfit falls across."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

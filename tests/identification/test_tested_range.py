@@ -1,7 +1,5 @@
 """A fit carries the ranges and commands of its tests, and says what of a prediction lies outside of them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

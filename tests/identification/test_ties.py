@@ -1,7 +1,5 @@
 """Parameters that are tied to others by an expression: values, derivatives, errors, bounds; what is no expression."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

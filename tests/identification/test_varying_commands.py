@@ -1,7 +1,5 @@
 """Laws and the lag of the driver, recovered from tests whose command switches or is random, or with constant ones."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import closing

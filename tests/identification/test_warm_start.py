@@ -1,7 +1,5 @@
 """Starts that are given: an earlier fit is carried over to more laws and to kindred models, or refused by name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

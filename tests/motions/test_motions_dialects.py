@@ -1,7 +1,5 @@
 """Any accelerations, written in any format, read back to the numbers of the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import hypothesis.strategies as st

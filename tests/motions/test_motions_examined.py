@@ -1,7 +1,5 @@
 """Faults of recorders, units and tables are told of a ground motion; copies count once; honest motions are silent."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -104,7 +102,9 @@ def test_copies_in_a_suite_are_told_and_count_once() -> None:
     )
     assert check.copies == {first.name: ("twin", "far")}
     assert check.n_records == 3
-    assert "twin, far are copies of the record" in check.shortcomings[0]
+    assert [each.words for each in check.remarks if each.code == "records_copied"] == [
+        (first.name, "twin", "far")
+    ]
     again = mr.motions.check_suite([first, first, *others], TARGET, period=0.8)
     assert again.n_records == 3
 

@@ -1,7 +1,5 @@
 """Records of the structural control benchmarks and PEER files in circulation are read correctly."""
 
-from __future__ import annotations
-
 import itertools
 
 import measured_data

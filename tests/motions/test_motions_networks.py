@@ -1,7 +1,5 @@
 """Files of networks and tables with headers: what they state is taken, what they lack is asked at once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

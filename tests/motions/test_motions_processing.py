@@ -1,7 +1,5 @@
 """Processing of a motion does what it states, and is listed in `changes`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A ground motion is the same for every format of its file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An invalid ground motion is refused by one sentence that names the file, the place and the remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path

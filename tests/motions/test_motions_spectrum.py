@@ -1,7 +1,5 @@
 """The response spectrum is exact for piecewise linear acceleration."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """Suites of synthetic motions: strata, reproducibility, plausible motions; near-fault pulses and envelopes."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

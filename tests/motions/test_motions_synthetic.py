@@ -1,7 +1,5 @@
 """Synthetic motions have the given density, envelope and seed."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

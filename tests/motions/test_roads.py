@@ -1,7 +1,5 @@
 """Roads under a vehicle: splines through heights, classes of ISO 8608, files, and what is doubtful of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import mrwork as mr
 from mrwork.base.values import Floats
+from mrwork.errors import MistakesError
 from mrwork.motions import iso_8608_road, read_road, road_motion
 
 DT = 1e-3
@@ -231,6 +230,32 @@ def test_a_road_without_its_keys_is_refused(tmp_path: Path, motion: str, match: 
     path = tmp_path / "car.toml"
     path.write_text(f"{CAR}[[motion]]\n{motion}\n")
     refusal(mr.read_study, path, match=match)
+
+
+@pytest.mark.parametrize(
+    ("motion", "match"),
+    [
+        ('road_class = "C"\nspeed = 20.0\nduration = 9', "a random road has no synthetic; give all three"),
+        ('road_class = "C"', "a random road has no synthetic and no speed"),
+        ("speed = 20.0\nseed = 1", 'needs a file.*its speed is of a road, or of synthetic = "iso_8608"'),
+        ("duration = 9\nseed = 1", "needs a file.*beside one of the others$"),
+    ],
+)
+def test_where_nothing_says_what_moves_no_key_is_to_be_left_out(
+    tmp_path: Path, motion: str, match: str
+) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text(f"{CAR}[[motion]]\n{motion}\n")
+    told = refusal(mr.read_study, path, match=match)
+    assert not isinstance(told, MistakesError)
+
+
+def test_the_class_and_the_speed_of_a_road_that_is_none_have_one_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text(f'{CAR}[[motion]]\nsynthetic = "kanai_tajimi"\nroad_class = "C"\nspeed = 20.0\n')
+    told = refusal(mr.read_study, path, match="road_class is of a synthetic road")
+    assert isinstance(told, MistakesError)
+    assert all('or give synthetic = "iso_8608"' in str(each) for each in told.mistakes)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """A shake table follows as its low-pass does, and refuses or scales what is beyond its limits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

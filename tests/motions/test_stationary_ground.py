@@ -1,7 +1,5 @@
 """A fitted spectrum is that of the motion; the ground of a design is as strong as the strong parts of motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Target spectra against hand calculation, motions scaled to them, and the check of a suite."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -121,9 +119,12 @@ def test_a_suite_that_is_raised_by_its_factor_just_meets_the_rule() -> None:
     motions = [scaled_to_target(each, TARGET, by="least_squares", period=0.5) for each in SUITE]
     check = check_suite(motions, TARGET, period=0.5)
     assert check.factor > 1.0
-    assert "A factor of" in check.shortcomings[-1]
+    told = [each for each in check.remarks if each.code in ("suite_below_target", "suite_peaks_low")]
+    assert told
+    assert all(f"a factor of {np.ceil(1e3 * check.factor) / 1e3:g} on" in each.message for each in told)
     raised = check_suite([scaled(each, check.factor) for each in motions], TARGET, period=0.5)
     assert raised.shortcomings == ()
+    assert [each.code for each in raised.remarks] == ["suite_worst_response"]
     assert raised.factor == pytest.approx(1.0)
     lower = check_suite([scaled(each, 0.999 * check.factor) for each in motions], TARGET, period=0.5)
     assert lower.shortcomings
@@ -142,7 +143,8 @@ def test_the_mean_counts_between_a_fifth_and_twice_the_period() -> None:
 @pytest.mark.parametrize(("wanted", "would_be"), [(0.5, "stronger"), (1.0, ""), (2.0, "weaker")])
 def test_a_suite_far_from_its_target_is_told(wanted: float, would_be: str) -> None:
     factor = wanted / check_suite(SUITE, TARGET, period=0.5).mean_ratio
-    told = check_suite([scaled(each, factor) for each in SUITE], TARGET, period=0.5).remarks
+    check = check_suite([scaled(each, factor) for each in SUITE], TARGET, period=0.5)
+    told = [each for each in check.remarks if each.code == "suite_far_from_target"]
     assert [each.words[1] for each in told] == [would_be][: bool(would_be)]
     assert [each.measured.value for each in told if each.measured] == pytest.approx(
         [wanted][: bool(would_be)]
@@ -151,20 +153,27 @@ def test_a_suite_far_from_its_target_is_told(wanted: float, would_be: str) -> No
 
 def test_a_code_wants_its_number_of_records() -> None:
     strong = [scaled(each, 100.0) for each in SUITE]
-    assert "3 records or more" in check_suite(strong[:2], TARGET, period=0.5).shortcomings[0]
-    (meets, few) = check_suite(strong, TARGET, period=0.5).in_words
-    assert "meets EN 1998-1" in meets
-    assert "fewer than 7 records" in few
-    seven = [scaled(mr.synthetic_motion(rng=seed, duration=8.0, name=str(seed)), 100.0) for seed in range(7)]
-    assert len(check_suite(seven, TARGET, period=0.5).in_words) == 1
-    (only,) = check_suite(strong, asce_7_spectrum(9.0, 5.0, t_l=8.0), period=0.5).in_words
-    assert "11 records or more" in only
+
+    def codes(motions: Sequence[mr.motions.GroundMotion], target: TargetSpectrum = TARGET) -> list[str]:
+        check = check_suite(motions, target, period=0.5)
+        assert ("does not meet" in check.in_words[0]) == bool(check.shortcomings)
+        return [each.code for each in check.remarks if each.code != "suite_far_from_target"]
+
+    assert codes(strong[:2]) == ["suite_records_few"]
+    assert codes(strong) == ["suite_worst_response"]
+    assert (
+        codes(
+            [scaled(mr.synthetic_motion(rng=seed, duration=8.0, name=str(seed)), 100.0) for seed in range(7)]
+        )
+        == []
+    )
+    assert codes(strong, asce_7_spectrum(9.0, 5.0, t_l=8.0)) == ["suite_records_few"]
 
 
 def test_a_table_without_the_period_zero_asks_nothing_of_the_peaks() -> None:
     check = check_suite(SUITE, TABLE, period=0.5)
     assert check.peak_ratio is None
-    assert "peaks" not in " ".join(check.shortcomings)
+    assert "suite_peaks_low" not in {each.code for each in check.remarks}
     assert check.periods.min() >= 0.1
 
 

@@ -1,7 +1,5 @@
 """Sliders of `mr.explore`: their values, the lines that are drawn of them, and the fit from them; without a browser."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of results: what is drawn, where, in which units, and that it is what the result says."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

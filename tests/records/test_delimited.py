@@ -1,7 +1,5 @@
 """A table of numbers reads back to the same numbers, however a program has written it, or is refused by its line."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Headings and units of rigs, what a message suggests for those that are not known, and what is not used."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta

@@ -1,10 +1,9 @@
 """Records that lie are told, and honest records of every kind of motion and of every model have no such remark."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cache
+from typing import Self
 
 import measured_data
 import numpy as np
@@ -48,7 +47,7 @@ class Columns:
         except mr.MrworkError:
             return {"refused"}
 
-    def both(self, change: Callable[[Samples], Samples]) -> Columns:
+    def both(self, change: Callable[[Samples], Samples]) -> Self:
         return replace(self, displacement=change(self.displacement), force=change(self.force))
 
 

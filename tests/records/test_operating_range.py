@@ -1,7 +1,5 @@
 """Tested ranges follow from the tests, and demand outside of them is named quantity by quantity."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Pulses of a driver in the column of the command are told and averaged; switching that the damper follows is not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Columns and file names are understood, or refused with the way to state their meaning."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Each defect added to a clean record is detected with its size; the clean record has no remark."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """The same test gives the same data from every format, delimiter and unit; the sheet with the record is read."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import struct

@@ -1,7 +1,5 @@
 """Tests of one motion at one command are recognised, whatever was done to the record; others are not."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace

@@ -1,7 +1,5 @@
 """Measured records: all are read, their known defects are detected, and clean ones have no remark."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import measured_data

@@ -1,7 +1,5 @@
 """The observation model: from words to effects of a rig on a force, in the order of the rig."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records in the forms of loggers and programs: without times or names, with events, in other encodings and words."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

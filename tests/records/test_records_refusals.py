@@ -1,7 +1,5 @@
 """An invalid record is refused by one sentence that names the file, the place and the remedy."""
 
-from __future__ import annotations
-
 import gzip
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The checks report defects, repair what is safe to repair, and report nothing otherwise; what recurs is said once."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import product
@@ -19,8 +17,10 @@ from report_samples import prediction
 import mrwork as mr
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.dampers import damper
+from mrwork.identification.indistinct import unlike_offsets
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, repair
+from mrwork.records.checks import may_be_one_way
 from mrwork.records.remarks import gathered_remarks
 
 OMEGA = 2.0 * np.pi * FREQUENCY
@@ -532,3 +532,26 @@ def test_a_damper_that_is_stronger_one_way_has_the_offset_of_its_gas_alone(
         # Weaker than the share that is taken for certain, an asymmetry stays in it.
         unsure = 0.06 * float(np.abs(damped).max()) if abs(stronger) < 0.06 else 0.0
         assert measured.value == pytest.approx(offset, abs=10.0 + unsure)
+
+
+def hysteretic(displacement: NDArray[np.float64], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bouc-Wen force of 400 N with a dashpot and a spring, by steps of Euler."""
+    hysteresis = np.zeros(displacement.size)
+    for sample in range(1, displacement.size):
+        rate, last = velocity[sample], hysteresis[sample - 1]
+        hysteresis[sample] = last + DT * (rate - abs(rate) * abs(last) * last / 4e-6)
+    return 2e5 * hysteresis + 200.0 * velocity + 1500.0 * displacement
+
+
+@pytest.mark.parametrize(("stronger", "offset", "is_open"), [(1.3, 0.0, True), (1.0, 60.0, False)])
+def test_a_force_that_is_larger_one_way_may_be_the_dampers_and_is_not_repaired_as_an_offset_unasked(
+    stronger: float, offset: float, is_open: bool
+) -> None:
+    time = DT * np.arange(1600)
+    displacement, velocity = 0.01 * np.sin(6.0 * time), 0.06 * np.cos(6.0 * time)
+    force = hysteretic(displacement, velocity)
+    test = recorded(time, displacement, np.where(force > 0.0, stronger * force, force) + offset)
+    (remark,) = (each for each in test.remarks if each.code == "force_offset")
+    assert may_be_one_way(test.displacement, test.force, test.velocity) is is_open
+    (advice,) = unlike_offsets((), damper("bingham"), {"f0": (0.0, 0.0)}, [test])
+    assert ["stronger one way" in each.message for each in (remark, advice)] == [is_open] * 2

@@ -1,7 +1,5 @@
 """A moving average is detected with its window, others have no remark; the filter agrees with that of SciPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """A repair removes its defect, is recorded, and does not change the original record."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files as programs of test rigs write them, of LabVIEW and of MATLAB 7.3 read like a plain table, or are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from itertools import cycle

@@ -1,7 +1,5 @@
 """A table of tests says what each file is; a first guess of it is written, with what is in doubt."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A command that is neither a current nor a voltage keeps the unit of the user: in tests, laws, files and messages."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

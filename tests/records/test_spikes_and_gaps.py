@@ -1,7 +1,5 @@
 """Samples that no sensor gave, in spikes and gaps, are told, and neither compared nor part of the tested ranges."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

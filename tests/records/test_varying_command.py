@@ -1,7 +1,5 @@
 """A varying command is a channel of the test: it is cut, decimated and resampled with the others, and stays held."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 `python tests/report/test_figure_font.py` makes the subsets that pages embed.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import sys

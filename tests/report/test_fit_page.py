@@ -1,7 +1,5 @@
 """The page of a fit: self-contained, a section per verb that adds to it, readable in a browser."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

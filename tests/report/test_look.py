@@ -1,7 +1,5 @@
 """Colours of figures can be told apart by eyes of all kinds, on light and dark pages, and fronts fit a screen."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """Figures of fits, of profiles and of models: true to the data, legible, no side effects."""
 
-from __future__ import annotations
-
 import math
 import os
 import sys

@@ -1,7 +1,5 @@
 """Numbers, symbols, equations and control characters as text."""
 
-from __future__ import annotations
-
 import math
 import re
 from xml.etree import ElementTree

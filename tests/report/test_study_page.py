@@ -1,7 +1,5 @@
 """The page of a study: its contents, and its display in a browser without errors."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

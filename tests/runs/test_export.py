@@ -1,7 +1,5 @@
 """A run for MATLAB, OpenSees and a supplier: what is written reads back as the source, and what cannot is refused."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The page and summary of any folder, and a folder of tests that becomes one."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """`mr.load` opens the folder of every verb that writes one, and says of all else what it is."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`mr.save` writes what Python has made as the folder of a verb, which `mr.load` reads back to the bit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

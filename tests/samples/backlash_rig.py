@@ -1,7 +1,5 @@
 """A rig with play: its motion passes a dead zone with sharp corners, which no model has, before a Bouc-Wen element."""
 
-from __future__ import annotations
-
 import numpy as np
 from sinusoidal_tests import harmonic
 

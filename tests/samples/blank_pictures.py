@@ -1,7 +1,5 @@
 """Pages with blank pictures, and pages that are not drawn: half the time of a short verb is that of its page."""
 
-from __future__ import annotations
-
 import io
 from argparse import Namespace
 from base64 import b64decode

@@ -1,7 +1,5 @@
 """Programs of printed C, compiled; without a compiler the test is skipped by its name."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """C as printed: of a damper with a state and a lagged driver, of one with neither, and of a controller."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mrwork.embedded.c_source import CSource, Signal

@@ -1,7 +1,5 @@
 """The command line, run in this process, which has loaded all that it needs already, or in one of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import subprocess
@@ -10,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -30,13 +29,15 @@ class Ended:
 
 
 def mrwork(*arguments: object) -> Ended:
-    """Run a command line in this process."""
+    """Run a command line in this process, which is that of the run and of its page, too."""
+    words = [str(each) for each in arguments]
     with (
+        patch.object(sys, "argv", ["mrwork", *words]),
         contextlib.redirect_stdout(io.StringIO()) as out,
         contextlib.redirect_stderr(io.StringIO()) as err,
         pytest.raises(SystemExit) as end,
     ):
-        main([str(each) for each in arguments])
+        main(words)
     return Ended(returncode=end.value.code, stdout=out.getvalue(), stderr=err.getvalue())
 
 

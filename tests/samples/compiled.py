@@ -1,7 +1,5 @@
 """Functions that JAX has compiled."""
 
-from __future__ import annotations
-
 import sys
 from types import ModuleType
 from typing import Any

@@ -1,7 +1,5 @@
 """Buildings on which controllers are designed in tests, and the cost that a regulator minimises."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg
 

@@ -1,7 +1,5 @@
 """Motions, parameters and tests that the damper contracts share: seeded, at the scale of a bench test."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

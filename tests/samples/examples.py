@@ -1,7 +1,5 @@
 """Size of property tests: equal examples in every run, more of them where the environment asks for a long run."""
 
-from __future__ import annotations
-
 import os
 
 from hypothesis import HealthCheck, settings

@@ -1,7 +1,5 @@
 """Chromium without a window, driven over the pipe of its remote debugging protocol: what a page does in a browser."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Loops that the tests of the closed loop share: buildings with devices, motions, and every law with its numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Parts of .mat files of version 5 that `scipy.io.savemat` does not write."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Where the measured records are, which stay outside the project, and the mark of tests that use them."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

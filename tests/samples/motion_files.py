@@ -1,7 +1,5 @@
 """Strong-motion files in the layout of each format, written from a list of accelerations."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

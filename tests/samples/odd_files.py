@@ -1,7 +1,5 @@
 """The clean test under odd headings and in odd units."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The material `BoucWen` as OpenSees computes it, to the bit: `setTrialStrain` in BoucWenMaterial.cpp."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mrwork.base.values import Floats

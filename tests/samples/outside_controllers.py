@@ -1,7 +1,5 @@
 """Controllers outside Python: one in C that is compiled with the numbers of a loop, and one in Python to be spoilt."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Dampers of a user: models of the package written again, also as a file for the command line."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import jax.numpy as jnp

@@ -1,7 +1,5 @@
 """A result of each type that figures take, made in little time."""
 
-from __future__ import annotations
-
 import tempfile
 import warnings
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A small problem to sample: a Bingham-like loop of 150 samples with white noise, fitted."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

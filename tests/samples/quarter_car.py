@@ -1,7 +1,5 @@
 """A quarter car: a wheel on a tyre, and a body on a suspension with a damper."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import mrwork as mr

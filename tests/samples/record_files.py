@@ -1,7 +1,5 @@
 """A clean test of a known damper, and the files it is written to in the record tests."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

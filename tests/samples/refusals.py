@@ -1,7 +1,5 @@
 """Refusals that tests provoke: an error of ours in one printable line, told by a word and not by its whole sentence."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any

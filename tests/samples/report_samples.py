@@ -1,7 +1,5 @@
 """Tests, fits and predictions made up for the report: small, seeded, without the compiled module."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

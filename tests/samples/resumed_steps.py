@@ -1,7 +1,5 @@
 """A choice that Ctrl-C ends, and that goes on in the same run folder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

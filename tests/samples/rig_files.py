@@ -1,7 +1,5 @@
 """The clean test as programs of rigs write it: LabVIEW, MATLAB 7.3 and TDMS."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run folders of a fit, with every file that a verb adds, made in little time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Problems on the unit cube whose answers are known, optimisers by name, and a run watched state by state."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

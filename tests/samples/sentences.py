@@ -4,8 +4,6 @@ A test asks for `refused` and gives it each call that must be refused: `refused(
 writes the file anew, so that a change of wording is one diff.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

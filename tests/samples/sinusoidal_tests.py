@@ -1,7 +1,5 @@
 """Short sinusoidal tests of a model at given parameters, with white noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

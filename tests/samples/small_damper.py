@@ -1,7 +1,5 @@
 """A small damper of two coils, and modest wishes for one, as keywords of `DamperDesign` and `DamperWishes`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from mrwork.dampers.design import fluid, steel

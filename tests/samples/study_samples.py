@@ -1,7 +1,5 @@
 """Runs of a study in closed form: a building of three storeys that swings in its first mode, less with each law."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,10 +14,10 @@ from mrwork.dampers.tested_range import OperatingRange
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
 from mrwork.study.histories import RunHistory
-from mrwork.study.judged_motions import JudgedMotions, MotionFacts
+from mrwork.study.judged_motions import JudgedMotions
 from mrwork.study.results import BuildingFacts, DamperFacts, PageContent
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, study_quantities
-from mrwork.study.study import Row
+from mrwork.study.study import MotionFacts, Row
 
 Run = dict[str, Any]
 """Numbers of a run by name, and its outcome."""

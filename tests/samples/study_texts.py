@@ -1,7 +1,5 @@
 """Study files for tests of what a law is told."""
 
-from __future__ import annotations
-
 
 def study_text(settings: str, *, damper: str = "differential = true") -> str:
     """A study of one clipped-optimal law on the five-storey frame; its settings begin in line 16."""

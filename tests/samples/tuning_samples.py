@@ -1,7 +1,5 @@
 """A small study with training and test motions, for tests of tuning."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A run folder of each verb that has --out, made in little time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A search that was cut off anywhere goes on from its journal to the bits of the uninterrupted one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Constraints beside objectives: feasible points first, a binding constraint is followed."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What every optimiser promises: one that is listed in the registry is tested, without an edit here."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from dataclasses import replace

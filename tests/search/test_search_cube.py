@@ -1,7 +1,5 @@
 """Points of the cube and random numbers: hypercube, reflection, draws of others, streams, elite."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

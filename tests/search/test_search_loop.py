@@ -1,7 +1,5 @@
 """The loop: events, callbacks, rules that end a search, interrupts, going on."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Genetic algorithms, particle swarm, differential evolution: what each saves and does to its members."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

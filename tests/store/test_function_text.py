@@ -1,7 +1,5 @@
 """The text of a function of a user changes with the code and the values that it uses, and with nothing else."""
 
-from __future__ import annotations
-
 import linecache
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Every file is read through one gate: one sentence for whatever is wrong."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """A journal gives back what was written, to the bit, and refuses what it cannot vouch for."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

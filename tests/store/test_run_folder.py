@@ -1,7 +1,5 @@
 """A run is made in its folder: the manifest is the commit, what would be lost is refused, digests are trusted."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import json

@@ -1,7 +1,5 @@
 """Scripts of studies: what they import is public, and the numbers of their quick forms are the expected ones."""
 
-from __future__ import annotations
-
 import ast
 import json
 import runpy

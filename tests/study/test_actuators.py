@@ -1,7 +1,5 @@
 """Ideal actuators in a study: without a damper, saturated in newtons, commanded by `active` or a law in Python."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

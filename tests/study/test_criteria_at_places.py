@@ -1,7 +1,5 @@
 """Criteria of one floor, storey or damper, wherever a criterion is named, and weighted accelerations from histories."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

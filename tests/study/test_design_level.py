@@ -1,7 +1,5 @@
 """The level at which the laws of a study are designed, and the target spectrum to which its motions are scaled."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -115,6 +113,7 @@ def test_a_study_says_how_its_suite_lies_beside_the_target(tmp_path: Path) -> No
     assert heading == "Motions beside EN 1998-1 type 2, ground C, a_g 0.2 g"
     assert sentences == made.suite.in_words
     results = mr.run_study(made)
+    assert "suite_below_target" in {each.code for each in made.suite.shortcomings}
     assert results.page.facts[-1] == (heading, " ".join(sentences))
     factor = made.suite.factor * (1.0 + 1e-9)
     raised = to_target(scale_to="least_squares", factor=factor)
@@ -122,7 +121,9 @@ def test_a_study_says_how_its_suite_lies_beside_the_target(tmp_path: Path) -> No
     assert raised.suite.shortcomings == ()
     raised.to_toml(tmp_path / "study.toml")
     again = mr.read_study(tmp_path / "study.toml")
-    assert [each.intensity for each in again.motions] == [each.intensity for each in raised.motions]
+    assert [each.facts.intensity for each in again.motions] == [
+        each.facts.intensity for each in raised.motions
+    ]
     for one, other in zip(raised.motions, again.motions, strict=True):
         assert np.array_equal(one.ground.acceleration, other.ground.acceleration)
 
@@ -141,8 +142,8 @@ def test_the_period_of_the_target_is_that_of_the_suite() -> None:
     made = to_target({**EN_1998, "period": 0.5}, scale_to="sa")
     assert made.suite is not None
     assert made.suite.period == 0.5
-    assert made.motions[0].intensity is not None
-    assert made.motions[0].intensity.period == 0.5
+    assert made.motions[0].facts.intensity is not None
+    assert made.motions[0].facts.intensity.period == 0.5
 
 
 @pytest.mark.parametrize(
@@ -168,4 +169,4 @@ def test_a_mode_without_stiffness_has_no_period_to_scale_at() -> None:
     motion = {"synthetic": "kanai_tajimi", "duration": 4.0, "sa": 1.0}
     refusal(mr.study_of, building=free, motions=[motion], match="`periods` is inf")
     made = mr.study_of(building=free, motions=[{**motion, "sa_period": 0.5}])
-    assert made.motions[0].intensity is not None
+    assert made.motions[0].facts.intensity is not None

@@ -1,7 +1,5 @@
 """Fragility: censored lognormal distributions, their bands, and what a study says of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

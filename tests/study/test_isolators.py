@@ -1,7 +1,5 @@
 """Isolators are strokes, whether the isolated frame is the building of a study or a baseline beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

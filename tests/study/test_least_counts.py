@@ -1,7 +1,5 @@
 """How many dampers, dashpots or tuned masses keep a limit: the least count, everywhere or by storey."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

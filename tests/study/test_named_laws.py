@@ -1,7 +1,5 @@
 """A law named alone runs, the best constant command is beside it, and the size of the dampers is told."""
 
-from __future__ import annotations
-
 import json
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Changes of every quantity come before a score, and constant commands are ranked apart from control laws."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Which damper a study means: a preset, one written out, a run of `mrwork identify`, by the twin, or another model."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

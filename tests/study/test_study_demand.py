@@ -1,7 +1,5 @@
 """Dampers outside their tested ranges and ratings, their forces by storey, and passive devices of the building."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

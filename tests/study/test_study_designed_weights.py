@@ -1,7 +1,5 @@
 """A study file asks for designed weights, and says what they reach wherever it shows itself."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields, replace
 from pathlib import Path

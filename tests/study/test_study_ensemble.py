@@ -1,7 +1,5 @@
 """Sets of laws that predict nearly as well: kept with a run, how far they are apart, and a study with each of them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Every key of every table of a study file, given wrongly: named in its line, with what to give, and no other."""
 
-from __future__ import annotations
-
 import copy
 import math
 import random

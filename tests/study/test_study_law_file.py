@@ -1,7 +1,5 @@
 """A study takes a law from a Python file; a law that misbehaves is one sentence and leaves stdout and folders alone."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

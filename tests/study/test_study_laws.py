@@ -1,7 +1,5 @@
 """Control laws of a study: from settings or a finished gain to numbers, dead zone and slope of their commands."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ground motions of a study."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,11 +58,11 @@ def test_each_peak_gives_a_motion_of_its_own(folder: Path) -> None:
 def test_each_spectral_acceleration_gives_a_motion_of_its_own(folder: Path) -> None:
     text = 'file = "swing.csv"\nname = "swing"\n'
     low, high = tables(text + 'sa = ["0.1 g", "0.3 g"]', folder=folder)
-    assert (low.name, high.name) == ("swing, Sa 0.1 g", "swing, Sa 0.3 g")
+    assert (low.facts.name, high.facts.name) == ("swing, Sa 0.1 g", "swing, Sa 0.3 g")
     assert high.ground.groups == ("Sa 0.3 g",)
-    assert low.record == high.record == "swing"
+    assert low.facts.record == high.facts.record == "swing"
     (own,) = tables(text + "sa = 2.0\nsa_period = 0.4\nsa_damping = 0.02", folder=folder)
-    assert own.name == "swing"
+    assert own.facts.name == "swing"
     for motion, value, period, damping in (
         (low, 0.980665, 0.8, 0.05),
         (high, 3 * 0.980665, 0.8, 0.05),
@@ -72,7 +70,9 @@ def test_each_spectral_acceleration_gives_a_motion_of_its_own(folder: Path) -> N
     ):
         spectrum = response_spectrum(motion.ground, [period], damping=damping)
         assert spectrum.pseudo_acceleration[0] == pytest.approx(value, rel=1e-12)
-        assert motion.intensity == Intensity(measure="sa", value=value, period=period, damping_ratio=damping)
+        assert motion.facts.intensity == Intensity(
+            measure="sa", value=value, period=period, damping_ratio=damping
+        )
 
 
 @pytest.mark.parametrize(
@@ -90,14 +90,16 @@ def test_a_motion_is_scaled_to_the_target_and_then_by_factors(
     half, whole = tables(
         f'file = "swing.csv"\nname = "swing"\nscale_to = "{by}"\nfactor = [0.5, 1]', folder=folder
     )
-    assert (half.name, whole.name) == ("swing x 0.5", "swing x 1")
+    assert (half.facts.name, whole.facts.name) == ("swing x 0.5", "swing x 1")
     assert half.ground.acceleration == pytest.approx(0.5 * whole.ground.acceleration)
-    assert whole.intensity is not None
-    assert half.intensity == replace(whole.intensity, value=pytest.approx(0.5 * whole.intensity.value))
+    assert whole.facts.intensity is not None
+    assert half.facts.intensity == replace(
+        whole.facts.intensity, value=pytest.approx(0.5 * whole.facts.intensity.value)
+    )
     if expected is None:
-        assert whole.intensity.name == "Sa(0.5 s, 5 %)"
+        assert whole.facts.intensity.name == "Sa(0.5 s, 5 %)"
     else:
-        assert whole.intensity == replace(expected, value=pytest.approx(expected.value))
+        assert whole.facts.intensity == replace(expected, value=pytest.approx(expected.value))
 
 
 def test_a_motion_is_cut_before_its_time_axis_is_stretched(folder: Path) -> None:
@@ -206,8 +208,8 @@ def test_a_record_is_not_for_training_and_for_testing(folder: Path, test: str) -
 def test_suites_of_other_seeds_may_be_for_training(folder: Path) -> None:
     text = 'suite = { motions = 12 }\nname = "%s"\nseed = %d\nuse = "%s"'
     found = tables(text % ("Training", 1, "training"), text % ("Test", 2, "test"), folder=folder)
-    assert [motion.use for motion in found] == ["training"] * 12 + ["test"] * 12
-    assert all(motion.synthetic for motion in found)
+    assert [motion.facts.use for motion in found] == ["training"] * 12 + ["test"] * 12
+    assert all(motion.facts.synthetic for motion in found)
     same = (text % ("Training", 1, "training"), text % ("Test", 1, "test"))
     refusal(tables, *same, folder=folder, match="are one record")
 
@@ -265,4 +267,4 @@ def test_levels_of_a_record_and_synthetic_motions_are_no_copies(folder: Path) ->
     study = study_with(folder, *levels, 'suite = { motions = 6, soils = ["firm"] }')
     assert "records_copied" not in [each.code for each in study.remarks]
     # They are the levels of one record.
-    assert [motion.copy_of for motion in study.motions[:3]] == ["", "low", ""]
+    assert [motion.facts.copy_of for motion in study.motions[:3]] == ["", "low", ""]

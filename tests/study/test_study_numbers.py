@@ -1,7 +1,5 @@
 """Studies whose numbers are known: a published experiment, a tall building, and the non-causal optimum."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """`mr.study_of` makes the study that a file makes, and `to_toml` writes the file: same numbers, same refusals."""
 
-from __future__ import annotations
-
 import tomllib
 from math import tanh
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A study takes a law from a program; it names the program before it starts, and has the numbers of the registry's."""
 
-from __future__ import annotations
-
 import json
 import stat
 import sys

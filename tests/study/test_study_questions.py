@@ -1,7 +1,5 @@
 """What is asked about a study when it is read: coordinates, damping, units, keys without effect; or nothing."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A study file, read whole: what it comes to, and that its mistakes are sentences with a line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import measured_data
@@ -149,8 +147,8 @@ use = "training"
 
 def test_a_motion_is_for_testing_unless_it_is_for_training(tmp_path: Path) -> None:
     study = study_of(STUDY + TRAINING, tmp_path)
-    assert [motion.use for motion in study.motions] == ["test", "test", "training"]
-    assert [motion.name for motion in study.of_use("training").motions] == ["other noise"]
+    assert [motion.facts.use for motion in study.motions] == ["test", "test", "training"]
+    assert [motion.facts.name for motion in study.of_use("training").motions] == ["other noise"]
     assert study.of_use("test").chosen_on == (study.grounds[2],)
     whole = study_of(STUDY, tmp_path)
     assert whole.chosen_on == whole.grounds

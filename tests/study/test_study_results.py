@@ -1,7 +1,5 @@
 """What follows from the runs of a study, and from their file: criteria, ratios, score, warnings."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A study, run: each run once, resumed to the bit, written whole."""
 
-from __future__ import annotations
-
 import json
 import math
 from contextlib import closing

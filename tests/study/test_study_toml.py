@@ -1,7 +1,5 @@
 """What a study file means, however it is written: its form, its units, and the line of every key."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Realisations of a study, one axis of the batch; and its progress, which changes no bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

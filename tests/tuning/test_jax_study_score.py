@@ -1,7 +1,5 @@
 """The score of a study as a function of JAX: value and derivatives of the loop, in every way that JAX asks for them."""
 
-from __future__ import annotations
-
 import math
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache

@@ -1,7 +1,5 @@
 """A network of measured signals: its numbers are learned like any setting, and stand in the chosen study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

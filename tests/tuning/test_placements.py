@@ -1,7 +1,5 @@
 """Placements of equal dampers are enumerated, ranked by their best constant command, and judged on unseen motions."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from itertools import combinations_with_replacement
 from pathlib import Path

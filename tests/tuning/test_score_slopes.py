@@ -1,7 +1,5 @@
 """The derivatives of a score in the settings of a law are those of the loop: compared with differences of the loop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

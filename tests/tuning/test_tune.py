@@ -1,7 +1,5 @@
 """A tuning: chosen on training motions, judged on test motions, the same bits again after an interruption."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

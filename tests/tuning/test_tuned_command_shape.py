@@ -1,7 +1,5 @@
 """Dead zone and slope of the command are searched where a table frees them, and stand in the chosen study."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

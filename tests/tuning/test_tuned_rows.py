@@ -1,7 +1,5 @@
 """What a tuning has found, as arrays and as rows of the study that was tuned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Free settings of every law: a tuning of a law needs nothing but its name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

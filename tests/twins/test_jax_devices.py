@@ -1,7 +1,5 @@
 """Where JAX computes: on the processor, whatever its default device is; results lie where the caller has the point."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

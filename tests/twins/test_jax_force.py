@@ -1,7 +1,5 @@
 """Forces as an operation of JAX: bits and derivatives of the core, under every transformation, and what is refused."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """`mr.jax.loop`: the results of the core for every law and damper, and derivatives in all of its inputs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """What the operation shares with its process: the state of the processor, pools of threads, the cache of programs."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Dampers of users in batches: those that are models of the package written again have their forces."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import jax.numpy as jnp

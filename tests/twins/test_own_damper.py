@@ -1,7 +1,5 @@
 """`own_damper`: what it refuses, and the value that it makes."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A rig with play: the model with backlash is chosen, and predicts small strokes where it was tested at them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from backlash_rig import ELEMENT, MOTIONS, PLAY, backlash_test

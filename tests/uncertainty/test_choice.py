@@ -1,7 +1,5 @@
 """Choice of model: the true family is chosen, also after an interrupt and where another family fails or collapses."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from functools import partial

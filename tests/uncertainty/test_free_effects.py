@@ -1,7 +1,5 @@
 """A mass that was fitted with the parameters is as unknown to profiles, posteriors and plans as to the fit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

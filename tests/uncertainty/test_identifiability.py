@@ -1,7 +1,5 @@
 """Identifiability: the redundancy of the Spencer form is found and named; the normalised form has none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Draws as ArviZ takes them: every group, units of every variable, and leave-one-out that runs."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The one rule of verdicts: what a standard error or an interval says of a parameter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

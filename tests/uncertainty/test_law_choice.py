@@ -1,7 +1,5 @@
 """Choice of current laws: those that made the data are chosen, also after an interrupt; bad input is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from typing import Any

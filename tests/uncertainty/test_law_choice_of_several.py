@@ -1,7 +1,5 @@
 """Choice among the laws of several models: one table, one rule, and no model changes what another one finds."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from functools import partial

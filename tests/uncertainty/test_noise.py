@@ -1,7 +1,5 @@
 """Noise models: densities against closed forms, draws against densities, estimates from draws; likelihoods in JAX."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import jax

@@ -1,7 +1,5 @@
 """Plan of the next test: known answers, variances that never grow, limits, agreement with draws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The ensemble sampler: correct distributions, its stopping rule, and a resumed chain of the same bits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from functools import partial

@@ -1,7 +1,5 @@
 """Profile likelihood: exact on a parabola, minima at every point, open intervals, results after Ctrl-C."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Ranking of families by the left-out fit, the simplest of equal ones first: sentence, remark, table and figure."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Tests of residuals: white noise passes, dependence is detected, the repeating share is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

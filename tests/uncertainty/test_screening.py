@@ -1,7 +1,5 @@
 """Screening of families: which ones go on, on rigs of forms that no family has."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Splits of a choice and motions kept for test: ends of the tested motions stay together, errors weigh the same."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The posterior density: coordinates, prior, likelihood and tempering."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

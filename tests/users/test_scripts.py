@@ -1,7 +1,5 @@
 """Scripts as users write them run to their ends; `test_public_names.py` checks that they are typed."""
 
-from __future__ import annotations
-
 import runpy
 from collections.abc import Callable
 from pathlib import Path

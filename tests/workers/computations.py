@@ -1,7 +1,5 @@
 """What every executor computes: digests of a choice of models, of a tuning and of a study; also a program for MPI."""
 
-from __future__ import annotations
-
 import sys
 from concurrent.futures import Executor
 from pathlib import Path

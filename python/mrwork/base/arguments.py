@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base.docstrings import parameter_texts, with_parameters
-from mrwork.base.hints import LARGEST, InUnit, Node, instead_of, nodes_of, note_of
+from mrwork.base.hints import LARGEST, InUnit, Node, Says, instead_of, nodes_of, note_of
 from mrwork.base.hints import May as May
 from mrwork.base.hints import Shape as Shape
 from mrwork.base.hints import Within as Within
@@ -53,8 +53,9 @@ Level = Annotated[float, Within(above=0.0, below=1.0)]
 Whole = Annotated[int, Within(least=0, most=2**63 - 1)]
 Count = Annotated[int, Within(least=1, most=2**63 - 1)]
 Seed = Annotated[int, Within(least=0, most=2**64 - 1)]
-# 0 is all.
-Threads = Annotated[int, Within(least=0, most=1024)]
+Threads = Annotated[
+    int, Within(least=0, most=1024), Says("threads to use, 0 for all; they change no bit of the result")
+]
 # Misfits of failed candidates are infinite, and the functions say more of a wrong number than its place.
 AnyNumbers = Annotated[Floats, May.BE_INFINITE, May.BE_NAN]
 # A force, or a history of something else; draws or candidates in rows.
@@ -129,8 +130,10 @@ def takes_fields(
         def taking(*args: Given.args, **kwargs: Given.kwargs) -> Result:
             return function(kind(*args, **kwargs))
 
-        texts = {parameter.name: parameter_texts(declaring)[parameter.name] for parameter in parameters}
-        taking.__doc__ = with_parameters(function.__doc__ or "", texts)
+        said = parameter_texts(declaring)
+        texts = {parameter.name: said[parameter.name] for parameter in parameters if parameter.name in said}
+        order = [parameter.name for parameter in parameters]
+        taking.__doc__ = with_parameters(function.__doc__ or "", texts, order)
         signature = inspect.signature(function).replace(parameters=parameters)
         taking.__signature__ = signature  # type: ignore[attr-defined] # `inspect` reads it, stubs lack it
         return checked(taking)

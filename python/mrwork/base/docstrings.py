@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from textwrap import dedent, indent
 from typing import Any
@@ -12,6 +12,8 @@ from typing import Any
 PARAMETERS = "Parameters\n----------\n"
 SECTION = re.compile(r"^\w[\w ]*\n-+$", re.MULTILINE)
 """Heading of a section: a line, and dashes below it."""
+# One or several names, and the indented lines below them.
+_ENTRY = re.compile(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", re.MULTILINE)
 
 
 def before_sections(docstring: str) -> str:
@@ -19,15 +21,19 @@ def before_sections(docstring: str) -> str:
     return SECTION.split(inspect.cleandoc(docstring), maxsplit=1)[0].rstrip()
 
 
-def with_parameters(docstring: str, texts: Mapping[str, str]) -> str:
-    """A docstring with texts on parameters, before its texts on other parameters."""
+def with_parameters(docstring: str, texts: Mapping[str, str], order: Sequence[str]) -> str:
+    """A docstring with texts on parameters among its own, in the order of these names."""
     text = inspect.cleandoc(docstring)
-    before, head, rest = text.partition(PARAMETERS)
+    before, head, below = text.partition(PARAMETERS)
     if not head:
         before = before_sections(text)
-        before, rest = f"{before}\n\n", text[len(before) :].removeprefix("\n")
-    entries = "".join(f"{name}\n{indent(words, '    ')}\n" for name, words in texts.items())
-    return f"{before}{PARAMETERS}{entries}{rest}"
+        before, below = f"{before}\n\n", text[len(before) :].lstrip("\n")
+    section = SECTION.split(f"{below}\n", maxsplit=1)[0] if head else ""
+    entries = [*_ENTRY.findall(section), *((name, indent(words, "    ")) for name, words in texts.items())]
+    entries.sort(key=lambda entry: order.index(entry[0].partition(",")[0]))
+    parameters = "".join(f"{names}\n{words.rstrip()}\n" for names, words in entries)
+    rest = below[len(section) :]
+    return "\n".join([f"{before}{PARAMETERS}{parameters}", *filter(None, [rest])])
 
 
 @cache
@@ -43,6 +49,5 @@ def texts_in(docstring: str | None) -> dict[str, str]:
     """Text of each parameter of a numpydoc docstring, dedented; empty without a section of parameters."""
     _, _, below = inspect.cleandoc(docstring or "").partition(PARAMETERS)
     section = SECTION.split(f"{below}\n", maxsplit=1)[0]
-    # One or several names, and the indented lines below them.
-    entries = re.findall(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", section, re.MULTILINE)
+    entries = _ENTRY.findall(section)
     return {name: dedent(text).strip() for names, text in entries for name in names.split(", ")}

@@ -17,7 +17,7 @@ from difflib import get_close_matches
 from functools import cache, partial
 from typing import Any, NoReturn, cast
 
-from mrwork.base.docstrings import with_parameters
+from mrwork.base.docstrings import texts_in, with_parameters
 from mrwork.base.hints import NOTES, Node, Says, Within, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import SYNONYMS, without_style
@@ -198,14 +198,14 @@ def as_document(value: Any, *, from_one: bool = False) -> Any:
 
 
 def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
-    """The docstring of a function or class with what the notes of its parameters say."""
+    """The docstring of a function or class with what the notes of its parameters say, where it says nothing itself."""
     if not target.__doc__ or not any(note_of(node, Says) for node in declared.values()):
         return cast("str | None", target.__doc__)
-    texts = {}
-    for entry in keys_of((target,)):
+    texts, own = {}, texts_in(target.__doc__)
+    for entry in (entry for entry in keys_of((target,)) if entry.name not in own):
         words = ", ".join(filter(None, (entry.in_words, entry.within.in_words)))
         texts[entry.name] = f"{words[:1].upper()}{words[1:]}."
-    return with_parameters(target.__doc__, texts)
+    return with_parameters(target.__doc__, texts, [*declared])
 
 
 def refuse_missing(entry: Key, place: Place) -> NoReturn:

@@ -1,8 +1,9 @@
 """Options that are parameters of functions, or fields of settings: kind, range, default and help are those declared.
 
-The help is the first sentence that the docstring has of the parameter. What a text becomes is what the annotation says:
-a number of its range, one of several words, a flag, a list by repetition, or by commas where it is of numbers, and a
-mapping by repeated NAME=VALUE. Functions whose modules are slow to load have options of `CommandParser.option`.
+The help is what the note `Says` of the annotation means, or the first sentence that the docstring has of the parameter.
+What a text becomes is what the annotation says: a number of its range, one of several words, a flag, a list by
+repetition, or by commas where it is of numbers, and a mapping by repeated NAME=VALUE. Of a function whose module is
+slow to load the option has the annotation of the parameter alone.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ import re
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any, get_origin
 
 from mrwork.base.docstrings import parameter_texts
-from mrwork.base.hints import Node, nodes_of
+from mrwork.base.hints import Node, Says, node_of, nodes_of, note_of
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, Range, finite_number
 from mrwork.errors import MrworkError
 
-Declaring = Callable[..., object]
+Declaring = object
 
 _FIRST_SENTENCE = re.compile(r".*?(?=(?<!\.)\.(?:\s|$)|$)", re.DOTALL)
 # Options that are not called as the parameter.
@@ -50,7 +51,7 @@ def add_option_of(
     metavar: str | None = None,
     more: str = "",
 ) -> None:
-    """Declare the option for one parameter, called `option` where that is another word.
+    """Declare the option for one parameter, called `option` where that is another word; or for an annotation.
 
     The `default` may be another; `choices` are words for a text, or further words for a list of words; `reads` makes
     the value from a text that the annotation does not describe, as an object; and `more` is added to the help.
@@ -72,6 +73,8 @@ def add_option_of(
         choices=[*form.choices, *choices] or None,
         repeated=form.repeated,
     )
+    if _is_annotation(declaring):
+        return
     derived = parser.get_default(_DERIVED) or {}
     parser.set_defaults(**{_DERIVED: derived | {declaring: (*derived.get(declaring, ()), name)}})
 
@@ -81,14 +84,22 @@ def arguments_of(options: argparse.Namespace, declaring: Declaring) -> dict[str,
     return {name: getattr(options, name) for name in getattr(options, _DERIVED)[declaring]}
 
 
+def _is_annotation(declaring: object) -> bool:
+    return get_origin(declaring) is Annotated
+
+
 def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
     """Annotation, default and text of a parameter."""
-    text = parameter_texts(declaring)[name]
+    node = node_of(declaring) if _is_annotation(declaring) else nodes_of(declaring)[name]
+    says = note_of(node, Says)
+    text = parameter_texts(declaring)[name] if says is None else says.words
+    if _is_annotation(declaring):
+        return node, None, text
     if isinstance(declaring, type):
         (field,) = (entry for entry in fields(declaring) if entry.name == name)
         made = field.default_factory
-        return nodes_of(declaring)[name], field.default if made is MISSING else made(), text
-    return nodes_of(declaring)[name], inspect.signature(declaring).parameters[name].default, text
+        return node, field.default if made is MISSING else made(), text
+    return node, inspect.signature(declaring).parameters[name].default, text
 
 
 def _as_help(text: str) -> str:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from typing import get_args
 
-from mrwork.base.hints import node_of
 from mrwork.base.summary import list_names
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.numbers import Range, named_path
+from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.cli.own_models import add_trust
-from mrwork.dampers.conventions import OpenSeesError, OpenSeesTimeStep
 from mrwork.errors import SettingError
-
-_TARGETS = ("mat", "opensees", "csv", "c", "fmu")
+from mrwork.runs.wanted import Target, Wanted
 
 
 def add_options(parser: CommandParser) -> None:
@@ -42,23 +41,12 @@ def add_options(parser: CommandParser) -> None:
         "--target --to",
         "mat, opensees, csv, c or fmu",
         metavar="TO",
-        choices=_TARGETS,
+        choices=get_args(Target),
         required=True,
     )
-    command = "command at which the damper is exported, as in 0.5A; csv: default five over the tested ones"
-    parser.option("target", "--command", command, metavar="COMMAND")
-    error = "wanted error of BoucWen in OpenSees, a share of the largest force of the loop; default 0.005"
-    parser.option("target", "--error", error, Range.of(node_of(OpenSeesError)), metavar="SHARE")
-    time_step = (
-        "step of the analysis in OpenSees, whose sub-steps are told, or between samples of C; default 0.001"
-    )
-    parser.option("target", "--time-step", time_step, Range.of(node_of(OpenSeesTimeStep)), metavar="S")
-    law = "law of the study whose controller is printed as C, where there are several"
-    parser.option("target", "--law", law, metavar="NAME")
-    parser.option(
-        "target", "--libm", "C calls exp, log, pow and tanh of math.h, which changes last bits", bool
-    )
-    parser.option("target", "--single", "C computes with float", bool)
+    add_option_of(parser, Wanted, "target", "command", metavar="COMMAND")
+    add_option_of(parser, Wanted, "target", "error", metavar="SHARE")
+    add_options_of(parser, Wanted, "target", "time_step", "law", "libm", "single")
     file = "file to write, of c and fmu the folder; without it opensees and csv are printed"
     parser.option(OUTPUT, "--out --output", file, named_path, metavar="PATH", dest="output")
     parser.option(OUTPUT, "--replace", "replace files that are there", bool)
@@ -69,7 +57,7 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file, or print the text."""
     from mrwork.identification.fit import Fit
-    from mrwork.runs.export import Wanted, export, exported, printed
+    from mrwork.runs.export import export, exported, printed
     from mrwork.runs.load import read_run
     from mrwork.runs.printed import files_of, in_words, write_files
 
@@ -78,9 +66,7 @@ def run(options: argparse.Namespace) -> int:
     to = options.target
     document: dict[str, object] = {"run": str(options.run_folder), "to": to}
     document |= {"observation": observation} if observation else {}
-    asked = {
-        name: getattr(options, name) for name in ("command", "error", "time_step", "libm", "single", "law")
-    }
+    asked = arguments_of(options, Wanted)
     if to in ("mat", "c", "fmu") and options.output is None:
         raise SettingError(
             f"--target {to} writes what is no single text; give --out {'FILE' if to == 'mat' else 'DIR'}"

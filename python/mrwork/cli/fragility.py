@@ -7,16 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrwork.base.arguments import Level
-from mrwork.base.hints import Within, node_of
 from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.derived import read_entry
-from mrwork.cli.numbers import Range, named_path
+from mrwork.cli.derived import add_option_of
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import show_results, undrawn_warned
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
+from mrwork.study.options import BandLevel, FragilityLimit, ModellingDispersion
 
 if TYPE_CHECKING:
     from mrwork.study.fragilities import Fragilities
@@ -34,19 +33,10 @@ def add_options(parser: CommandParser) -> None:
         "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
     )
     parser.add_argument("study_run", type=named_path, metavar="RUN", help="folder of mrwork respond")
-    limit = (
-        "criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%; default: limit of [report] "
-        "or drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%"
-    )
-    one = partial(read_entry, _limit, "VALUE")
-    parser.option("fragility", "--limit", limit, one, metavar="CRITERION=LIMIT", repeated=True)
-    level, within = "level of the bands", Range.of(node_of(Level))
-    parser.option("fragility", "--level", level, within, default=0.9, metavar="P")
-    added, within = (
-        "standard deviation of the logarithm that models add",
-        Range(within=Within(least=0.0, most=10.0)),
-    )
-    parser.option("fragility", "--modelling-dispersion", added, within, default=0.0, metavar="BETA")
+    add = partial(add_option_of, parser)
+    add(FragilityLimit, "fragility", "limit", reads=_limit, metavar="CRITERION=LIMIT")
+    add(BandLevel, "fragility", "level", default=0.9, metavar="P")
+    add(ModellingDispersion, "fragility", "modelling_dispersion", default=0.0, metavar="BETA")
     parser.option(
         "fragility",
         "--against",

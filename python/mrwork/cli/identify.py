@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import fields, replace
 from functools import partial
-from typing import get_args
 
-from mrwork.base.units import CommandUnit
 from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of, read_entry
 from mrwork.cli.numbers import finite_number, named_path
@@ -19,7 +17,9 @@ from mrwork.dampers.spec import ALL, DEFAULT_MODELS, SCREENED, DamperSpec, dampe
 from mrwork.errors import SettingError
 from mrwork.identification.settings import (
     FitSettings,
-    Fold,
+    Lagged,
+    LawUnit,
+    LeaveOut,
     Race,
     Search,
     resize_search,
@@ -70,24 +70,10 @@ def add_options(parser: CommandParser) -> None:
         default={},
         repeated=True,
     )
-    parser.option(
-        _LAWS,
-        "--command-unit",
-        "unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %, bar, psi, "
-        "lb or degC; default A where the tests have a current",
-        metavar="UNIT",
-        choices=get_args(CommandUnit),
-    )
-    lagged = (
-        "let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; for "
-        "records of a set point that varies, rather than of the current itself; left out where the tests show none"
-    )
-    parser.option(_LAWS, "--driver-lag", lagged, bool)
-    leave_out = (
-        "with several models or laws to choose: tests that are left out together and predicted: all of one motion "
-        "(default from three motions on), each test alone, or all at one command"
-    )
-    parser.option("comparison of models and laws", "--leave-out", leave_out, choices=get_args(Fold))
+    usual = "default A where the tests have a current"
+    add_option_of(parser, LawUnit, _LAWS, "command_unit", metavar="UNIT", more=usual)
+    add_option_of(parser, Lagged, _LAWS, "driver_lag")
+    add_option_of(parser, LeaveOut, "comparison of models and laws", "leave_out")
     add_observation(parser)
     parser.option(
         SEARCH,

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from mrwork.base.hints import node_of
 from mrwork.base.summary import list_names
 from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import Range, named_path
+from mrwork.cli.derived import add_option_of
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model
-from mrwork.dampers.simulation import Amplitude, Frequency
+from mrwork.dampers.simulation import LoopAmplitude, LoopFrequency
 from mrwork.dampers.spec import PRESETS, DamperSpec, Preset, damper, damper_models, presets_by_force
 from mrwork.errors import SettingError
 
@@ -31,10 +31,8 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument("--presets", action="store_true", help=presets)
     figure = "draw the loops of the model with its nominal parameters, as an .svg or a .png file"
     parser.option("figure", "--figure", figure, named_path, metavar="FILE")
-    for name, usual, annotation in (("amplitude", 0.015, Amplitude), ("frequency", 2.5, Frequency)):
-        within = Range.of(node_of(annotation))
-        says = "of the motion of the figure"
-        parser.option("figure", f"--{name}", says, within, default=usual, metavar=within.metavar)
+    add_option_of(parser, LoopAmplitude, "figure", "amplitude", default=0.015)
+    add_option_of(parser, LoopFrequency, "figure", "frequency", default=2.5)
     end_parser(parser, run, quiet="")
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite
 from pathlib import Path
 
-from mrwork.base.arguments import Seed, Threads
+from mrwork.base.arguments import Threads
 from mrwork.base.hints import InUnit, Node, Within, instead_of, node_of
 
 # As many digits of a number as a message repeats.
@@ -84,7 +84,7 @@ class Listed:
         return numbers
 
 
-THREADS, SEED = Range.of(node_of(Threads)), Range.of(node_of(Seed))
+THREADS = Range.of(node_of(Threads))
 
 
 def finite_number(text: str) -> float:

@@ -6,11 +6,14 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from mrwork.base.arguments import Threads
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
-from mrwork.cli.numbers import SEED, THREADS, named_path
+from mrwork.cli.derived import add_option_of
+from mrwork.cli.numbers import THREADS, named_path
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
+from mrwork.study.options import StudySeed
 
 
 def add_run(parser: CommandParser) -> None:
@@ -23,8 +26,7 @@ def add_run(parser: CommandParser) -> None:
 
 def add_threads(parser: CommandParser, workers: str = "") -> None:
     """--threads; and --workers and --cluster, where `workers` says what they do."""
-    says = "number of threads, default 0, all"
-    parser.option(COMPUTATION, "--threads", says, THREADS, default=0, metavar="N")
+    add_option_of(parser, Threads, COMPUTATION, "threads", default=0, metavar="N")
     if not workers:
         return
     parser.option(
@@ -47,8 +49,7 @@ def add_threads(parser: CommandParser, workers: str = "") -> None:
 
 def add_seed(parser: CommandParser, also: str = "") -> None:
     """--seed of a study, and of what else it is."""
-    says = f"seed of noise and synthetic motions{also}"
-    parser.option(COMPUTATION, "--seed", says, SEED, default=0, metavar="N")
+    add_option_of(parser, StudySeed, COMPUTATION, "seed", default=0, more=also)
 
 
 def end_parser(

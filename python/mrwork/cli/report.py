@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 from mrwork.base.progress import OnProgress
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.derived import add_option_of
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import drawing, print_json, told_remarks
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
+from mrwork.report.options import EveryTest, Summary
 from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
 
 if TYPE_CHECKING:
@@ -28,17 +30,11 @@ def add_options(parser: CommandParser) -> None:
     )
     parser.epilog = examples("mrwork report out/demo --summary", "mrwork report out/demo --figures")
     add_run(parser)
-    front = (
-        "write the front of the page alone, one screen or sheet of paper, as summary.html beside report.html"
-    )
-    parser.option("page", "--summary", front, bool)
+    add_option_of(parser, Summary, "page", "summary")
     parser.option("page", "--open", "open it in the browser", bool)
     figures = "of a fit: also write every figure of the page as an SVG and a PNG file into RUN/figures"
     parser.option("page", "--figures", figures, bool)
-    of_tests = (
-        "draw every test in full; by default up to four tests, of more the best, the median and the worst fit"
-    )
-    parser.option("page", "--all-tests", f"of a fit: {of_tests}", bool, dest="every_test")
+    add_option_of(parser, EveryTest, "page", "every_test", "all-tests")
     end_parser(parser, run)
 
 

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.derived import add_option_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.output import check_figure, print_result, progress_line, show_results, write_figure
@@ -15,6 +16,7 @@ from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
+from mrwork.study.options import CheckStep
 
 if TYPE_CHECKING:
     from mrwork.base.progress import Progress, ProgressLine
@@ -62,8 +64,7 @@ def add_options(parser: CommandParser) -> None:
         choices=("test", "training", "all"),
         default="test",
     )
-    check = "repeat every run with half the integration step at the end, and compare"
-    parser.option("simulation", "--check-step", check, bool)
+    add_option_of(parser, CheckStep, "simulation", "check_step")
     parser.option(
         "simulation",
         "--ensemble",

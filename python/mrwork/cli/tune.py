@@ -8,11 +8,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
+from mrwork.cli.derived import add_option_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.own_models import add_trust
 from mrwork.errors import Interrupted
 from mrwork.store.run_folder import CHOSEN, TUNING_RUN
+from mrwork.study.options import TunedLaws
 
 if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
@@ -39,11 +41,10 @@ def add_options(parser: CommandParser) -> None:
         "mrwork tune study.toml --quick", "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov"
     )
     parser.add_argument("study", type=named_path, metavar="STUDY.toml", help="study file")
-    law = "tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study"
-    parser.option(SEARCH, "--law", law, metavar="NAME", default=(), dest="laws", repeated=True)
+    add_option_of(parser, TunedLaws, SEARCH, "laws", default=())
     quick = f"at most {_QUICK[0]} candidates of each law in generations of {_QUICK[1]}: a first look, not a result"
     parser.option(SEARCH, "--quick", quick, bool)
-    add_seed(parser, "; also of the searches")
+    add_seed(parser, "also of the searches")
     add_threads(parser, "the runs without histories")
     add_trust(parser)
     end_parser(

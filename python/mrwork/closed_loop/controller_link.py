@@ -16,7 +16,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
 from time import monotonic
-from typing import IO, Final
+from typing import IO, ClassVar, Final
 
 from mrwork.errors import SettingError, reason_of
 
@@ -36,6 +36,9 @@ class Link(ABC):
     """A controller that takes a message and gives an answer of `size` bytes."""
 
     __slots__ = ("size", "strayed")
+    # Where to look for why it has ended, and until when it is to answer.
+    look: ClassVar[str]
+    until: ClassVar[str]
 
     def __init__(self, size: int) -> None:
         self.size = size
@@ -68,6 +71,8 @@ class Pipe(Link):
     """A program of the user, which this process starts and ends."""
 
     __slots__ = ("_process", "_reader", "_writer")
+    look = "see what it wrote on stderr"
+    until = "its stdin ends"
 
     def __init__(self, program: Sequence[str], size: int) -> None:
         super().__init__(size)
@@ -152,6 +157,8 @@ class UdpPort(Link):
     """A controller at a UDP port, which somebody else has started: a message and an answer are a datagram each."""
 
     __slots__ = ("_address", "_socket")
+    look = "see whether it runs and listens at that port"
+    until = "the simulation ends"
 
     def __init__(self, address: tuple[str, int], size: int) -> None:
         super().__init__(size)

@@ -367,10 +367,10 @@ class _Session:
         except LinkEndedError as ended:
             if not self._answered:
                 raise SettingError(
-                    f"{self._law.name} {ended} before its first answer; see what it wrote on stderr, and let it answer "
-                    f"each message until its stdin ends"
+                    f"{self._law.name} {ended} before its first answer; {link.look}, and let it answer each message "
+                    f"until {link.until}"
                 ) from None
-            self._lose(number, str(ended))
+            self._lose(link, number, str(ended))
             return self._no_command
         took = perf_counter() - began
         if len(answer) != self._answer.size:
@@ -381,7 +381,9 @@ class _Session:
             # Where a run begins without an answer, or has several in a row, its controller is lost.
             if number == 0 or self._in_a_row.total() == _HANGS:
                 messages = f"{_HANGS} messages in a row" if number else "sample 0"
-                self._lose(number + 1, f"gave no answer of {self._answer.size} bytes in time to {messages}")
+                self._lose(
+                    link, number + 1, f"gave no answer of {self._answer.size} bytes in time to {messages}"
+                )
             return self._no_command
         self._answered = True
         self._failures += self._in_a_row
@@ -412,11 +414,11 @@ class _Session:
             f"then write {form}, without a buffer that waits for more"
         )
 
-    def _lose(self, number: int, ended: str) -> None:
+    def _lose(self, link: Link, number: int, ended: str) -> None:
         """Go on with this run without the controller, which has answered until the misses in a row before a sample."""
         first = number - self._in_a_row.total()
         self._lost[self._runs] = LostController(
-            run=self._runs - 1, time=first * self._sample_time, ended=ended
+            run=self._runs - 1, time=first * self._sample_time, ended=ended, look=link.look
         )
         self._in_a_row.clear()
         self.close()

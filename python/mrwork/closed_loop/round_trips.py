@@ -18,7 +18,7 @@ _LOST: Final = RemarkKind(
     "controller_lost",
     "the controller {0} {ended} at {time:g} s of run {run} of {of}; its command was zero from there on, in {lost} "
     "of {of} runs",
-    "see what it wrote on stderr, and run it alone with the messages of mr.closed_loop.ProcessLaw.protocol",
+    "{look}, and run it alone with the messages of mr.closed_loop.ProcessLaw.protocol",
 )
 _WITHOUT: Final = RemarkKind(
     "controller_without_answer",
@@ -29,13 +29,14 @@ _WITHOUT: Final = RemarkKind(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LostController:
-    """A run whose controller ended or hung: its number from 0, the time [s], and how it `ended`, in words."""
+    """A run whose controller ended or hung: its number from 0, the time [s], how it `ended`, and where to `look`."""
 
     _made_by: ClassVar[str] = "law.round_trips.lost"
 
     run: int
     time: float
     ended: str
+    look: str
 
 
 @array_dataclass(repr=False)
@@ -102,6 +103,7 @@ class RoundTrips(Summarised):
             yield _LOST.remark(
                 self.name,
                 ended=first.ended,
+                look=first.look,
                 time=first.time,
                 run=first.run + 1,
                 lost=len(self.lost),

@@ -148,8 +148,6 @@ def simulate_loop(
         Realisations of building, delay and noise, as many as there are draws of the dampers, or any number with one.
     motion_numbers
         Numbers of the motions among all of a study, on which the noise of sensors depends; by default their places.
-    threads
-        Threads to use, 0 for all.
     on_progress
         Called with the number of runs done and their total.
 

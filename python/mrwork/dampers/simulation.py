@@ -27,7 +27,7 @@ from mrwork.base.arguments import (
     Threads,
     checked,
 )
-from mrwork.base.hints import InUnit, Within
+from mrwork.base.hints import InUnit, Says, Within
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
@@ -102,6 +102,9 @@ class Loading(Summarised):
 Amplitude = Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")]
 # A slower test lasts for hours, and no rig runs a faster one.
 Frequency = Annotated[float, Within(least=1e-4, most=1e3), InUnit("Hz")]
+_OF_FIGURE = Says("of the motion of the figure")
+LoopAmplitude = Annotated[Amplitude, _OF_FIGURE]
+LoopFrequency = Annotated[Frequency, _OF_FIGURE]
 
 
 @checked

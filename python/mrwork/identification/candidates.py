@@ -58,8 +58,6 @@ def simulate(
         Parameters in the order of `mr.damper(name).names`, shape (n_batch, n_params), or (n_params,) for one candidate.
     record
         A damper test, of which the measured force is not used, or a loading.
-    threads
-        Threads, 0 for all; they change no bit of the result.
 
     Returns
     -------
@@ -305,8 +303,6 @@ def objective(
     coordinates
         Whether points are physical parameters, "theta", shares of the range between the bounds, "unit", or the logits
         of these shares, "latent", which have no bounds.
-    threads
-        Threads of the simulation, 0 for all.
 
     Raises
     ------

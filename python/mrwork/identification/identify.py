@@ -54,8 +54,6 @@ class _Call(FitSettings):
         not fix, is left out of the fit, and a remark says so.
     tests
         One test or several. All have the same weight, independent of length and force.
-    threads
-        Threads of the simulation, 0 for all.
     on_progress
         Called after every generation of the search, every minimisation of the screening and every step of the final
         fit, except where they are recalled from the journal. Where it returns true the run ends with the best

@@ -12,7 +12,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
-from mrwork.records.checks import FORCE_OFFSET, half_range, static_force
+from mrwork.records.checks import FORCE_OFFSET, half_range, may_be_one_way, static_force
 from mrwork.records.observation import EFFECTS, effects_of_each, free_effects
 
 # Shares of the power of the velocity between which the frequencies of a test lie; those below this ratio are one.
@@ -23,7 +23,7 @@ _OFFSET_CURE = "subtract the offset by --repair offset, or estimate it for each 
 _OFFSET_LACKING = RemarkKind(
     "offset_not_described",
     "the force has a static offset in {0}, and {1}, so the model cannot describe it",
-    f"{{cure}}, {_OFFSET_CURE}",
+    f"{{unless}}{{cure}}, {_OFFSET_CURE}",
 )
 
 
@@ -78,16 +78,15 @@ def unlike_offsets(
         if set(shifts) <= set(spec.without_laws.names):
             yield from _unequal_offsets(tests)
         return
-    shifted = [
-        test.label for test in tests if any(remark.code == FORCE_OFFSET.code for remark in test.remarks)
-    ]
+    shifted = [test for test in tests if any(remark.code == FORCE_OFFSET.code for remark in test.remarks)]
     if not shifted:
         return
     fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
     lacks, cure = (fixed, f"leave {list_names(shifts)} free")
     if not shifts:
         lacks, cure = f"no parameter of {spec.name} adds a constant force", "add one to its equations"
-    yield _OFFSET_LACKING.remark(list_names(shifted), lacks, cure=cure)
+    labels = list_names([test.label for test in shifted])
+    yield _OFFSET_LACKING.remark(labels, lacks, cure=cure, unless=_unless_one_way(shifted))
 
 
 # Share of the least half range of the force by which static offsets differ that one parameter cannot describe.
@@ -95,7 +94,7 @@ _UNEQUAL = 0.25
 _OFFSETS_UNLIKE = RemarkKind(
     "offsets_unlike",
     "the static offset of the force is {least:+.3g} N in {0} and {most:+.3g} N in {1}, and the model has one for all",
-    _OFFSET_CURE,
+    f"{{unless}}{_OFFSET_CURE}",
 )
 
 
@@ -108,8 +107,18 @@ def _unequal_offsets(tests: Sequence[DamperTest]) -> Iterator[Remark]:
         return
     least, most = int(np.argmin(offsets)), int(np.argmax(offsets))
     yield _OFFSETS_UNLIKE.remark(
-        held[least].label, held[most].label, least=offsets[least], most=offsets[most]
+        held[least].label,
+        held[most].label,
+        least=offsets[least],
+        most=offsets[most],
+        unless=_unless_one_way([held[least], held[most]]),
     )
+
+
+def _unless_one_way(tests: Sequence[DamperTest]) -> str:
+    """What limits the cure of an offset where it may be the damper's: a force that is larger one way is none."""
+    is_open = any(may_be_one_way(test.displacement, test.force, test.velocity) for test in tests)
+    return "where the damper itself is not stronger one way, " if is_open else ""
 
 
 def _shifts(spec: DamperSpec) -> tuple[str, ...]:

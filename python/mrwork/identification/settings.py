@@ -8,8 +8,9 @@ from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
 
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import Says, Within
 from mrwork.base.keys import check_known
+from mrwork.base.units import CommandUnit
 from mrwork.errors import RecordError
 from mrwork.identification.indistinct import refuse_indistinct
 from mrwork.records.observation import DETECT, NONE, WEIGH, Effect, as_words, effects_of_each, free_effects
@@ -111,6 +112,27 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
 Engine = Literal["lanes", "optimistix"]
 
 Fold = Literal["test", "motion", "command"]
+LeaveOut = Annotated[
+    Fold | None,
+    Says(
+        "with several models or laws to choose: tests that are left out together and predicted: all of one motion "
+        "(default from three motions on), each test alone, or all at one command"
+    ),
+]
+LawUnit = Annotated[
+    CommandUnit,
+    Says(
+        "unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %, bar, psi, "
+        "lb or degC"
+    ),
+]
+Lagged = Annotated[
+    bool,
+    Says(
+        "let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; for "
+        "records of a set point that varies, rather than of the current itself; left out where the tests show none"
+    ),
+]
 """Tests that are left out together: each by itself, all of one amplitude and frequency, all at one command."""
 
 # Values of parameters by name.

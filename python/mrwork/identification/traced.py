@@ -187,8 +187,6 @@ def force(
     substeps
         Sub-steps per sample of every point, a power of two. By default they follow from the stiffness of the point, and
         the force jumps, within the error of the integration, where their number changes.
-    threads
-        Threads of a batch, 0 for all.
 
     Returns
     -------

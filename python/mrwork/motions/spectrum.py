@@ -210,6 +210,12 @@ class Intensity:
         """Unit in which tables have it, and the factor to that unit."""
         return ("kN", 1e-3) if self.measure == "force" else ("g", 1.0 / STANDARD_GRAVITY)
 
+    @property
+    def in_words(self) -> str:
+        """Text such as "0.3 g"."""
+        unit, per = self.shown
+        return f"{per * self.value:.3g} {unit}"
+
 
 def spectral_intensity(motion: GroundMotion, period: float, damping: float) -> Intensity:
     """Sa of a motion at a period [s] and a damping ratio."""

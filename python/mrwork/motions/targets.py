@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Final, Literal
 
@@ -300,11 +300,28 @@ def scaled_to_target(
     return replace_samples(motion, factor * motion.acceleration, motion.dt, change)
 
 
+_RECORDS_FEW: Final = RemarkKind(
+    "suite_records_few", "a suite has {fewest} records or more by {0}, and this one {count}"
+)
+_BELOW: Final = RemarkKind(
+    "suite_below_target",
+    "the mean spectrum falls to {value:.3g} % of the target at {at:.3g} s, and is to be {least:g} % or more from "
+    "{span} by {0}; a factor of {factor:g} on every motion is enough",
+)
+_PEAKS_LOW: Final = RemarkKind(
+    "suite_peaks_low",
+    "the mean of the peaks is {value:.3g} % of the target at the period zero, and is to be 100 % or more by {0}; "
+    "a factor of {factor:g} on every motion is enough",
+)
 _FAR_FROM_TARGET: Final = RemarkKind(
     "suite_far_from_target",
     "the mean spectrum of {count} is {value:.2g} times the target, {0}, on average from {span}: motions that are "
     "scaled to the target would be {1}, and so would the responses",
     warns=True,
+)
+_WORST_COUNTS: Final = RemarkKind(
+    "suite_worst_response",
+    "with fewer than {averaged} records the most unfavourable response counts by {0}, not the mean",
 )
 
 
@@ -378,26 +395,29 @@ class SuiteCheck(Plotted, Summarised):
         return max(LEAST_RATIO / self.least[0], 0.0 if held is None else 1.0 / held)
 
     @property
-    def shortcomings(self) -> tuple[str, ...]:
-        """Sentences on what the rule wants and the suite does not have; empty if it meets the rule."""
+    def shortcomings(self) -> tuple[Remark, ...]:
+        """On what the rule wants and the suite does not have; empty if it meets the rule."""
+        return tuple(self._missed())
+
+    def _missed(self) -> Iterator[Remark]:
         rule, (least, at), peak, count = self.target.rule, self.least, self.peak_ratio, self.n_records
-        gaps = [f"{remark.message}." for remark in copies_remarks(self.copies)]
+        factor = math.ceil(1e3 * self.factor) / 1e3
         if count < rule.fewest:
-            gaps.append(f"A suite has {rule.fewest} records or more by {rule.clause}, and this one {count}.")
+            yield _RECORDS_FEW.remark(rule.clause, fewest=rule.fewest, count=count)
         if least < LEAST_RATIO * _ROUNDED:
-            gaps.append(
-                f"The mean spectrum falls to {100.0 * least:.3g} % of the target at {at:.3g} s, and is to be "
-                f"{100.0 * LEAST_RATIO:g} % or more from {self._range_in_words}."
+            yield _BELOW.remark(
+                rule.clause,
+                measured=Measured(100.0 * least, "%"),
+                at=at,
+                least=100.0 * LEAST_RATIO,
+                span=self._range_in_words,
+                factor=factor,
             )
         if rule.holds_peak and peak is not None and peak < _ROUNDED:
-            share = f"{100.0 * peak:.3g} % of the target at the period zero"
-            gaps.append(f"The mean of the peaks is {share}, and is to be 100 % or more.")
-        if self.factor * _ROUNDED > 1.0:
-            gaps.append(f"A factor of {math.ceil(1e3 * self.factor) / 1e3:g} on every motion is enough.")
-        return tuple(gaps)
+            yield _PEAKS_LOW.remark(rule.clause, measured=Measured(100.0 * peak, "%"), factor=factor)
 
     @property
-    def remarks(self) -> tuple[Remark, ...]:
+    def far_from_target(self) -> tuple[Remark, ...]:
         """On a suite that is much weaker or stronger than its target."""
         ratio, count = self.mean_ratio, counted(len(self.names), "motion")
         if 1.0 / _FAR <= ratio <= _FAR:
@@ -410,17 +430,32 @@ class SuiteCheck(Plotted, Summarised):
         )
 
     @property
+    def _counting(self) -> tuple[Remark, ...]:
+        """On how the responses of few records count."""
+        rule = self.target.rule
+        few = rule.fewest <= self.n_records < rule.averaged_from
+        return (_WORST_COUNTS.remark(rule.clause, averaged=rule.averaged_from),) * few
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """On copies, on what the rule wants, on a suite far from its target, and on how responses count."""
+        copies = tuple(copies_remarks(self.copies))
+        return copies + self.shortcomings + self.far_from_target + self._counting
+
+    @property
     def in_words(self) -> tuple[str, ...]:
-        """Sentences: how the mean spectrum lies beside the target, or what is wrong; and how responses count."""
-        rule, (least, at), count = self.target.rule, self.least, self.n_records
-        few = f"With fewer than {rule.averaged_from} records the most unfavourable response counts, not the mean."
-        meets = (
-            f"The mean spectrum of {counted(count, 'motion')} is {100.0 * least:.3g} % of the target or more from "
-            f"{self._range_in_words}, least at {at:.3g} s, and meets {rule.clause}."
-        )
+        """Sentences: how the mean spectrum lies beside the target, what is wrong, and how responses count."""
+        told = [
+            f"{each.message[:1].upper()}{each.message[1:]}." for each in (*self.shortcomings, *self._counting)
+        ]
+        return self._mean_in_words, *told
+
+    @property
+    def _mean_in_words(self) -> str:
+        (least, at), meets = self.least, "does not meet" if self.shortcomings else "meets"
         return (
-            *(self.shortcomings or (meets,)),
-            *([few] if rule.fewest <= count < rule.averaged_from else []),
+            f"The mean spectrum of {counted(self.n_records, 'motion')} is {100.0 * least:.3g} % of the target or more "
+            f"from {self._range_in_words}, least at {at:.3g} s, and {meets} {self.target.rule.clause}."
         )
 
     @property
@@ -435,7 +470,8 @@ class SuiteCheck(Plotted, Summarised):
                 ("least mean spectrum over target", f"{self.least[0]:.3f} at {self.least[1]:.3g} s"),
                 ("mean peak over target", "" if peak is None else f"{peak:.3f}"),
             ),
-            notes=self.in_words,
+            remarks=self.remarks,
+            notes=(self._mean_in_words,),
         )
 
 

@@ -20,7 +20,7 @@ from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.motions.targets import LEAST_RATIO, RANGE, SuiteCheck
 from mrwork.plots import style
 from mrwork.plots.canvas import small_axes
-from mrwork.plots.sheet import axes_for, figure, finished, shown_unit_of
+from mrwork.plots.sheet import Ax, Legend, axes_for, figure, finished, shown_unit_of
 from mrwork.plots.style import with_unit
 from mrwork.study.results import BuildingFacts, StudyResults
 
@@ -39,12 +39,12 @@ _PERIODS = (0.05, 4.0, 120)
 @figure
 def spectra(
     result: GroundMotion | ResponseSpectrum,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     quantity: SpectrumQuantity = "pseudo_acceleration",
     periods: ArrayLike | None = None,
     damping: float | None = None,
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Response spectrum over the period; several motions are drawn one after the other into the same axes.
 
@@ -52,8 +52,6 @@ def spectra(
     ----------
     result
         A motion, or a spectrum of one.
-    ax, legend
-        As in `histories`.
     quantity
         Ordinate.
     periods, damping
@@ -84,7 +82,7 @@ def spectra(
 
 
 @figure
-def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def suite_spectra(result: SuiteCheck, ax: Ax = None, *, legend: Legend = True) -> Axes:
     """Pseudo-acceleration of the motions of a suite with their mean, its target, and 90 % of the target.
 
     The range of periods within which the mean counts is shaded.
@@ -93,8 +91,6 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, legend: bool = 
     ----------
     result
         The suite beside its target, of `mr.motions.check_suite`.
-    ax, legend
-        As in `histories`.
 
     Examples
     --------
@@ -121,15 +117,13 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, legend: bool = 
 
 
 @figure
-def building(result: Building | StudyResults, ax: Axes | None = None) -> Axes:
+def building(result: Building | StudyResults, ax: Ax = None) -> Axes:
     """Floors of a frame with their masses, storeys with their stiffnesses, and the dampers of a study.
 
     Parameters
     ----------
     result
         The building, or a study of one: a chain of floors, each on the spring of its storey.
-    ax
-        As in `histories`.
 
     Examples
     --------
@@ -178,15 +172,13 @@ def building_html(result: Building) -> str:
 
 
 @figure
-def pushover(result: Pushover, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def pushover(result: Pushover, ax: Ax = None, *, legend: Legend = True) -> Axes:
     """Base shear over the displacement of the roof of a frame that is pushed.
 
     Parameters
     ----------
     result
         The frame that was pushed, of `mr.buildings.pushover`.
-    ax, legend
-        As in `histories`.
 
     Examples
     --------

@@ -24,7 +24,9 @@ from mrwork.plots.of_tests import Abscissa, axis_name, axis_values, data_label
 from mrwork.plots.samples import even_samples
 from mrwork.plots.sheet import (
     PANEL,
+    Ax,
     GivenAxes,
+    Legend,
     Panels,
     all_chosen,
     axes_for,
@@ -363,14 +365,14 @@ _BAND_POINTS, _FORCE_POINTS, _ASPECT = 260, 130, 1.4
 @figure
 def bands(
     result: Prediction | StoredRun,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     calibration: Calibration | None = None,
     over: Abscissa = "time",
     test: str | int | None = None,
     level: Level = 0.9,
     unit: str | None = None,
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Measured force, model and prediction band over the cycle in the middle of a test.
 
@@ -379,7 +381,7 @@ def bands(
     result
         A prediction, with its `calibration`; or a run with calibrated bands, of which a test that was held out is drawn
         with the band that the others give.
-    ax, unit, legend
+    unit
         As in `histories`.
     calibration
         Calibration of the band of a prediction.

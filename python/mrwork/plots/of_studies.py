@@ -20,7 +20,9 @@ from mrwork.errors import SettingError
 from mrwork.plots import style
 from mrwork.plots.canvas import vertical_grid
 from mrwork.plots.sheet import (
+    Ax,
     GivenAxes,
+    Legend,
     Panels,
     all_chosen,
     axes_for,
@@ -93,13 +95,13 @@ def short(text: str, most: int) -> str:
 @figure
 def storey_profiles(
     result: Responses | StudyResults,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     quantity: str = "peak_drift",
     motion: str | int | None = None,
     rows: Sequence[str | int] = (),
     behind: Sequence[str | int] = (),
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """A quantity of storeys or floors over the height, a line for each row or candidate that finished.
 
@@ -107,8 +109,6 @@ def storey_profiles(
     ----------
     result
         Runs of a batch, of which the first draw is shown, or of a study, also where `mr.load` has read it.
-    ax, legend
-        As in `histories`.
     quantity
         Quantity of a run that storeys or floors have, such as "peak_drift" or "peak_acceleration"; of a study whose
         building has heights also "peak_drift_ratio", with its limit dashed.
@@ -217,11 +217,11 @@ _MOST_BARS, _COURSE_SAMPLES = 60, 350
 @figure
 def energies(
     result: Responses | StudyResults | History,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     motion: str | int | None = None,
     rows: Sequence[str | int] = (),
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Input energy and its distribution: a bar for each run at the end of the motion, or the course of one run.
 
@@ -230,7 +230,7 @@ def energies(
 
     Parameters
     ----------
-    result, ax, motion, rows, legend
+    result, motion, rows
         As in `storey_profiles`; also the history of a run, which has neither motions nor rows.
 
     Examples
@@ -327,10 +327,10 @@ def _stroke(number: int, count: int) -> Stroke:
 @figure
 def fronts(
     result: Front | TuningResults | TunedStudy,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     law: str | int | None = None,
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Points of a front: the first two objectives of a law.
 
@@ -338,8 +338,6 @@ def fronts(
     ----------
     result
         A front, or a tuning with fronts.
-    ax, legend
-        As in `histories`.
     law
         Label or number of the front of a tuning, by default the first.
 
@@ -433,15 +431,13 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
 
 
 @figure
-def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def damper_counts(result: DamperCounts, ax: Ax = None, *, legend: Legend = True) -> Axes:
     """Criterion of each arrangement over the number of dampers in each place, with the limit.
 
     Parameters
     ----------
     result
         What `mr.study.damper_counts` has found.
-    ax, legend
-        As in `histories`.
 
     Examples
     --------
@@ -470,7 +466,7 @@ def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool 
 
 @figure
 def fragility(
-    result: Fragilities, ax: Axes | None = None, *, rows: Sequence[str | int] = (), legend: bool = True
+    result: Fragilities, ax: Ax = None, *, rows: Sequence[str | int] = (), legend: Legend = True
 ) -> Axes:
     """Probability that the limit is reached over intensity: the lognormal curve of each arrangement.
 
@@ -480,8 +476,6 @@ def fragility(
     ----------
     result
         What `mr.fragility` has found.
-    ax, legend
-        As in `histories`.
     rows
         As in `ida`; by default all.
 

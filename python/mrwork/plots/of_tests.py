@@ -14,7 +14,7 @@ from mrwork.base.arguments import Whole
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, Quantity, quantity_named
-from mrwork.dampers.simulation import Amplitude, Frequency, simulate_force, sinusoid
+from mrwork.dampers.simulation import LoopAmplitude, LoopFrequency, simulate_force, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
@@ -23,7 +23,7 @@ from mrwork.motions.ground_motion import GroundMotion
 from mrwork.plots import canvas, style
 from mrwork.plots.canvas import draw_points, include_zero
 from mrwork.plots.samples import CYCLES_SHOWN, scattered_samples
-from mrwork.plots.sheet import axes_for, check_number, chosen, figure, finished, shown_unit_of
+from mrwork.plots.sheet import Ax, Legend, axes_for, check_number, chosen, figure, finished, shown_unit_of
 from mrwork.plots.style import DisplayUnit, with_unit
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import whole_cycles
@@ -62,12 +62,12 @@ def axis_values(test: DamperTest, over: Abscissa) -> tuple[Floats, str]:
 @figure
 def histories(
     result: Fit | StoredRun | Prediction | DamperTest | History | GroundMotion,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     test: str | int | None = None,
     signal: str = "drift",
     unit: str | None = None,
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Force of a test and its model over time; a signal of a closed loop; a ground acceleration, or forces on floors.
 
@@ -75,16 +75,12 @@ def histories(
     ----------
     result
         What is drawn.
-    ax
-        Axes to draw into; by default a new figure's.
     test
         Name or number of the test of a fit, by default the first.
     signal
         Signal of a history of a closed loop, such as "drift", "acceleration", "force", "ground_acceleration".
     unit
         Unit of a force, such as "kN", where figures are compared; by default one that suits its peak.
-    legend
-        Whether to name the curves above the axes, where a title would stand.
 
     Examples
     --------
@@ -107,13 +103,13 @@ def histories(
 @figure
 def loops(
     result: Fit | StoredRun | Prediction | DamperTest | History,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     over: Motion = "displacement",
     test: str | int | None = None,
     device: Whole = 0,
     unit: str | None = None,
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Force over displacement or velocity: a test, and the line of its model; or a damper in a building.
 
@@ -121,7 +117,7 @@ def loops(
 
     Parameters
     ----------
-    result, ax, unit, legend
+    result, unit
         As in `histories`.
     over
         The abscissa.
@@ -168,18 +164,18 @@ def loops(
 @figure
 def residuals(
     result: Fit | StoredRun | Prediction,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     over: Literal["time", "displacement", "velocity", "phase"] = "time",
     test: str | int | None = None,
     unit: str | None = None,
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Measured minus model force: a line over time, or points over the motion with their mean.
 
     Parameters
     ----------
-    result, ax, test, unit, legend
+    result, test, unit
         As in `histories`; a residual far below the unit is drawn in a smaller one.
     over
         The abscissa. Over the motion, or its phase, the samples that are compared are drawn. The phase is 0 at full
@@ -227,17 +223,17 @@ def _means(across: Floats, residual: Floats) -> tuple[Floats, Floats]:
 @figure
 def commands(
     result: Fit | StoredRun | Prediction | DamperTest | History,
-    ax: Axes | None = None,
+    ax: Ax = None,
     *,
     test: str | int | None = None,
     device: Whole = 0,
-    legend: bool = True,
+    legend: Legend = True,
 ) -> Axes:
     """Command of a test over time, held between samples; of a closed loop also the command behind the driver's lag.
 
     Parameters
     ----------
-    result, ax, test, legend
+    result, test
         As in `histories`.
     device
         Number of the damper of a history of a closed loop.
@@ -370,14 +366,10 @@ def nominal_test(
 
 
 @style.drawn_in_style()
-def nominal_loops(spec: DamperSpec, *, amplitude: Amplitude = 0.015, frequency: Frequency = 2.5) -> Figure:
-    """Force over displacement and over velocity in the last cycle of a sinusoid, at zero command.
-
-    Parameters
-    ----------
-    amplitude, frequency
-        Of the motion of the figure.
-    """
+def nominal_loops(
+    spec: DamperSpec, *, amplitude: LoopAmplitude = 0.015, frequency: LoopFrequency = 2.5
+) -> Figure:
+    """Force over displacement and over velocity in the last cycle of a sinusoid, at zero command."""
     whole = nominal_test(spec, amplitude=amplitude, frequency=frequency, per_cycle=_PER_CYCLE)
     test = whole.part(whole.n_time - _PER_CYCLE - 1, whole.n_time)
     unit = style.force_unit(float(np.abs(test.force).max()))

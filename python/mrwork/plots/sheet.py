@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Concatenate, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import checked
+from mrwork.base.hints import Says
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import counted
 from mrwork.errors import SettingError
@@ -26,6 +27,8 @@ DrawnT = TypeVar("DrawnT")
 DrawnT_co = TypeVar("DrawnT_co", covariant=True)
 
 GivenAxes = Axes | Iterable[Axes] | None
+Ax = Annotated[Axes | None, Says("axes to draw into; by default a new figure's")]
+Legend = Annotated[bool, Says("whether to name the curves above the axes, where a title would stand")]
 """Axes of a figure of several panels: as many as it has, or `None` for new ones."""
 
 Panels = NDArray[np.object_]

@@ -9,6 +9,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.progress import OnProgress
 from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.html import Page
+from mrwork.report.options import EveryTest, Summary
 from mrwork.report.study.page import study_page
 from mrwork.runs.load import read_run
 from mrwork.store.run_folder import FIT_RUN, RunFolder
@@ -19,7 +20,11 @@ from mrwork.uncertainty.bands.prediction import Prediction
 
 @checked
 def write_page(
-    run: str | Path, *, summary: bool = False, every_test: bool = False, on_progress: OnProgress | None = None
+    run: str | Path,
+    *,
+    summary: Summary = False,
+    every_test: EveryTest = False,
+    on_progress: OnProgress | None = None,
 ) -> Path:
     """Draw the page of a run folder of any verb, and write it into the folder.
 
@@ -27,10 +32,6 @@ def write_page(
     ----------
     run
         The folder, as of `load`.
-    summary
-        Write the front of the page alone, one screen or sheet of paper, as summary.html beside report.html.
-    every_test
-        Of a fit: draw every test in full; by default up to four tests, of more the best, the median and the worst fit.
     on_progress
         Called with the progress.
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from io import BytesIO
 from itertools import chain, count
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.labelled import NamedArray, NamedArrays
-from mrwork.dampers.conventions import OpenSeesError, OpenSeesTimeStep
 from mrwork.embedded.c_source import CSource, Flavour
 from mrwork.errors import MrworkError, MrworkWarning, SettingError
 from mrwork.identification.fit import Fit, FitQuality
@@ -24,22 +23,11 @@ from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_text
 from mrwork.runs.load import read_run
 from mrwork.runs.printed import controller_of_study, damper_of_fit, files_of, write_files
+from mrwork.runs.wanted import Command, Error, Law, Libm, Single, Target, TimeStep, Wanted
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
 from mrwork.uncertainty.bands.predictions import predict
-
-Target = Literal["mat", "opensees", "csv", "c", "fmu"]
-
-# Targets that take an option, of a fit; a study or a tuning takes none.
-_TARGETS: dict[str, tuple[Target, ...]] = {
-    "command": ("opensees", "csv"),
-    "error": ("opensees",),
-    "time_step": ("opensees", "c", "fmu"),
-    "libm": ("c",),
-    "single": ("c",),
-    "law": ("c", "fmu"),
-}
 
 
 @checked
@@ -48,12 +36,12 @@ def export(
     to: Target,
     output: str | Path,
     *,
-    command: str | None = None,
-    error: OpenSeesError | None = None,
-    time_step: OpenSeesTimeStep | None = None,
-    libm: bool = False,
-    single: bool = False,
-    law: str | None = None,
+    command: Command = None,
+    error: Error = None,
+    time_step: TimeStep = None,
+    libm: Libm = False,
+    single: Single = False,
+    law: Law = None,
     replace: bool = False,
 ) -> Path:
     """Write a fit, a study or a tuning in the form of another program, in SI.
@@ -80,18 +68,6 @@ def export(
         The other program.
     output
         The file to write, of C and FMUs the folder.
-    command
-        Command at which the damper is exported, as in 0.5A; csv: default five over the tested ones.
-    error
-        Wanted error of BoucWen in OpenSees, a share of the largest force of the loop; default 0.005.
-    time_step
-        Step of the analysis in OpenSees, of which the sub-steps are told, or between two samples of C; default 0.001.
-    libm
-        Whether C takes exp, log, pow and tanh of ``math.h``, and with them the last bits.
-    single
-        Whether C computes with ``float``.
-    law
-        Name of the law of a study file, where there are several.
     replace
         Whether a file that is there is replaced.
 
@@ -118,26 +94,6 @@ def export(
     check_output(path, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
     write_file(path, exported(run, wanted, tcl=path.suffix != ".py"))
     return path
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    """A target and what is asked of it."""
-
-    to: Target
-    command: str | None = None
-    error: float | None = None
-    time_step: float | None = None
-    libm: bool = False
-    single: bool = False
-    law: str | None = None
-
-    def __post_init__(self) -> None:
-        for name, targets in _TARGETS.items():
-            if getattr(self, name) not in (None, False) and self.to not in targets:
-                raise SettingError(
-                    f"the {name.replace('_', ' ')} is only for an export to {' or '.join(targets)}; leave it out"
-                )
 
 
 def printed(run: str | Path | Fit | StudyResults, wanted: Wanted, folder: Path) -> CSource:

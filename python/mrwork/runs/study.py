@@ -12,7 +12,7 @@ from warnings import warn
 
 import numpy as np
 
-from mrwork.base.arguments import Seed, checked
+from mrwork.base.arguments import checked
 from mrwork.base.keys import given_in, keys_of
 from mrwork.base.places import Place
 from mrwork.base.values import Floats
@@ -28,6 +28,7 @@ from mrwork.store.run_folder import FIT, FIT_RUN, RunFolder
 from mrwork.store.run_writer import with_manifest
 from mrwork.study import reading
 from mrwork.study.dampers import Identified
+from mrwork.study.options import StudySeed
 from mrwork.study.schema import References, StudyTable, TuneTable, UncertaintyTable
 from mrwork.study.study import Study
 
@@ -76,7 +77,7 @@ def read_study(
     path: str | Path,
     identified: Identified = fitted_damper,
     *,
-    seed: Seed = 0,
+    seed: StudySeed = 0,
     on_python: Callable[[str], None] = lambda sentence: None,
 ) -> Study:
     """Read a study; its laws that lack settings are designed when it runs, or by `mr.study.designed`.
@@ -87,8 +88,6 @@ def read_study(
         The TOML file; names of other files in it are relative to its folder.
     identified
         Reads model and parameters from the folder of an identified damper.
-    seed
-        Seed of noise and synthetic motions.
     on_python
         Called with a sentence that names the file of each law in Python, or the program of one outside of it, before
         any of these runs.
@@ -130,7 +129,7 @@ def study_of(
     references: References = "best_passive",
     title: str = "",
     folder: str | Path = "",
-    seed: Seed = 0,
+    seed: StudySeed = 0,
 ) -> Study:
     """Make a study, of the same tables as a study file has, see `read_study`.
 
@@ -166,8 +165,6 @@ def study_of(
         Heading of the page, by default the name of the building.
     folder
         Folder that names of files are relative to, by default the working directory.
-    seed
-        Seed of noise and synthetic motions.
 
     Returns
     -------

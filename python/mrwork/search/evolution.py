@@ -47,7 +47,7 @@ from mrwork.base.arguments import AnyNumbers, Seed, Share, Within, checked
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, State
-from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
+from mrwork.search.rules import LARGEST_POPULATION, Elite, EliteRule, SearchName, Stop, StopRules
 from mrwork.search.unit_cube import others, reflect
 
 
@@ -57,8 +57,6 @@ class StandardGA:
 
     Parameters
     ----------
-    name
-        Name of the search in records of fits.
     population
         Chromosomes P, at least 4.
     crossover_probability
@@ -67,19 +65,15 @@ class StandardGA:
         Probability p_m that a gene is mutated.
     mutation_deviation
         Standard deviation of the mutation, a share of the box.
-    stop
-        When to end; by default after 200 generations at most.
-    elite
-        Which points of the run are kept as starts of a local minimisation.
     """
 
-    name: str = "standard_ga"
+    name: SearchName = "standard_ga"
     population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 60
     crossover_probability: Share = 0.8
     mutation_probability: Share = 0.05
     mutation_deviation: Share = 0.1
-    stop: StopRules = field(default_factory=lambda: StopRules(max_generations=200))
-    elite: EliteRule = field(default_factory=EliteRule)
+    stop: Stop = field(default_factory=lambda: StopRules(max_generations=200))
+    elite: Elite = field(default_factory=EliteRule)
 
     @checked
     def start(self, n_params: Dimension, rng: Seed) -> State:
@@ -149,23 +143,17 @@ class EfficientGA:
 
     Parameters
     ----------
-    name
-        Name of the search in records of fits.
     population
         Chromosomes P, at least 4.
     elite_share
         Share of the slots that copies of the best replace in each generation; at least one slot.
-    stop
-        When to end.
-    elite
-        Which points of the run are kept as starts of a local minimisation.
     """
 
-    name: str = "genetic"
+    name: SearchName = "genetic"
     population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 60
     elite_share: Share = 0.01
-    stop: StopRules = field(default_factory=StopRules)
-    elite: EliteRule = field(default_factory=EliteRule)
+    stop: Stop = field(default_factory=StopRules)
+    elite: Elite = field(default_factory=EliteRule)
 
     @checked
     def start(self, n_params: Dimension, rng: Seed) -> State:
@@ -230,8 +218,6 @@ class DifferentialEvolution:
 
     Parameters
     ----------
-    name
-        Name of the search in records of fits.
     population
         Members, at least 5.
     base
@@ -240,19 +226,15 @@ class DifferentialEvolution:
         Range of the mutation factor F, drawn uniformly for each generation.
     crossover_probability
         Probability CR that a gene comes from the mutant.
-    stop
-        When to end.
-    elite
-        Which points of the run are kept as starts of a local minimisation.
     """
 
-    name: str = "differential_evolution"
+    name: SearchName = "differential_evolution"
     population: Annotated[int, Within(least=5, most=LARGEST_POPULATION)] = 60
     base: Literal["best", "random"] = "best"
     factor: Annotated[tuple[float, float], Within(least=0.0, most=2.0)] = (0.5, 1.0)
     crossover_probability: Share = 0.7
-    stop: StopRules = field(default_factory=StopRules)
-    elite: EliteRule = field(default_factory=EliteRule)
+    stop: Stop = field(default_factory=StopRules)
+    elite: Elite = field(default_factory=EliteRule)
 
     def __post_init__(self) -> None:
         least, greatest = self.factor

@@ -23,7 +23,7 @@ import numpy as np
 from mrwork.base.arguments import AnyNumbers, Seed, Share, Within, checked
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.search.course import Dimension, Proposal, State
-from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
+from mrwork.search.rules import LARGEST_POPULATION, Elite, EliteRule, SearchName, Stop, StopRules
 from mrwork.search.unit_cube import reflect
 
 
@@ -44,8 +44,6 @@ class ParticleSwarm:
 
     Parameters
     ----------
-    name
-        Name of the search in records of fits.
     population
         Particles, at least 2.
     inertia
@@ -54,20 +52,16 @@ class ParticleSwarm:
         Attraction to the personal best, c1, and to the best of the swarm, c2.
     velocity_limit
         Largest change of a gene in a generation, a share of the box.
-    stop
-        When to end.
-    elite
-        Which points of the run are kept as starts of a local minimisation.
     """
 
-    name: str = "particle_swarm"
+    name: SearchName = "particle_swarm"
     population: Annotated[int, Within(least=2, most=LARGEST_POPULATION)] = 60
     inertia: tuple[Share, Share] = (0.9, 0.4)
     own_attraction: Annotated[float, Within(least=0.0, most=4.0)] = 1.49618
     common_attraction: Annotated[float, Within(least=0.0, most=4.0)] = 1.49618
     velocity_limit: Share = 0.2
-    stop: StopRules = field(default_factory=StopRules)
-    elite: EliteRule = field(default_factory=EliteRule)
+    stop: Stop = field(default_factory=StopRules)
+    elite: Elite = field(default_factory=EliteRule)
 
     @checked
     def start(self, n_params: Dimension, rng: Seed) -> State:

@@ -27,7 +27,7 @@ from mrwork.errors import SettingError
 from mrwork.search.course import Dimension, Optimiser, Proposal, State
 from mrwork.search.evolution import DifferentialEvolution, EfficientGA, StandardGA
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
-from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
+from mrwork.search.rules import LARGEST_POPULATION, Elite, EliteRule, SearchName, Stop, StopRules
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 
@@ -49,16 +49,15 @@ def library(name: str) -> ModuleType:
 class CMAEvolution:
     """CMA-ES of the library `cma` (Hansen & Ostermeier, Evol. Comput. 9, 2001, 159-195).
 
-    A population of 10 is the library's default for 8 parameters. `elite` says which points of the run are kept as
-    starts of a local minimisation. `deviation` is the initial standard deviation of each gene, a share of the box; the
-    search begins at the point `begin` of the unit cube, the middle by default. The `extra` of its states is
-    the object of the library and the candidates that it has been asked for.
+    A population of 10 is the library's default for 8 parameters. `deviation` is the initial standard deviation of each
+    gene, a share of the box; the search begins at the point `begin` of the unit cube, the middle by default. The
+    `extra` of its states is the object of the library and the candidates that it has been asked for.
     """
 
-    name: str = "cma"
+    name: SearchName = "cma"
     population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 10
-    stop: StopRules = field(default_factory=lambda: StopRules(max_generations=1000))
-    elite: EliteRule = field(default_factory=EliteRule)
+    stop: Stop = field(default_factory=lambda: StopRules(max_generations=1000))
+    elite: Elite = field(default_factory=EliteRule)
     deviation: Annotated[float, Within(least=1e-12, most=1.0)] = 0.3
     begin: tuple[float, ...] = ()
 

@@ -23,11 +23,13 @@ one: the published test ends few searches on measured tests. There are two alter
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import AnyNumbers, Count, Level, NotNegative, Share, checked
+from mrwork.base.hints import Says
 from mrwork.base.values import Floats
 
 # Why a search ended, in words; a search of another library has reasons of its own.
@@ -178,3 +180,8 @@ def distinct_best(population: Floats, misfit: Floats, rule: EliteRule) -> NDArra
         gap = np.abs(population[left[1:]] - population[left[0]]).max(axis=1)
         left = left[1:][gap >= rule.distance]
     return np.array(taken, dtype=np.int64)
+
+
+SearchName = Annotated[str, Says("name of the search in records of fits")]
+Stop = Annotated[StopRules, Says("when to end")]
+Elite = Annotated[EliteRule, Says("which points of the run are kept as starts of a local minimisation")]

@@ -20,7 +20,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import Level, Positive, Seed, checked
-from mrwork.base.hints import May, Within
+from mrwork.base.hints import May
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
@@ -35,6 +35,7 @@ from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
 from mrwork.study.judged_motions import RecordLevels
+from mrwork.study.options import BandLevel, FragilityLimit, ModellingDispersion
 from mrwork.study.results import StudyResults
 from mrwork.study.row_kinds import ROW_KINDS, Kind
 from mrwork.study.runs import numbered
@@ -357,10 +358,10 @@ class Fragilities(Plotted, WithAxes, Summarised):
 @checked
 def fragility(
     results: StudyResults,
-    limit: Mapping[str, float | str] | None = None,
+    limit: FragilityLimit = None,
     *,
-    level: Level = 0.9,
-    modelling_dispersion: Annotated[float, Within(least=0.0, most=10.0)] = 0.0,
+    level: BandLevel = 0.9,
+    modelling_dispersion: ModellingDispersion = 0.0,
     seed: Seed = 0,
 ) -> Fragilities:
     """The intensity at which each arrangement of a study reaches a limit, lognormal over the records of its motions.
@@ -368,18 +369,12 @@ def fragility(
     Give the records several levels, as `pga = ["0.1 g", "0.2 g", ...]` of a `[[motion]]` (incremental dynamic
     analysis), or each record one (stripes). The intensity is what the motions are scaled to, `sa` or `pga`. The laws
     and the best constant command of the study are the same at every level. A run that diverged has reached the
-    limit; one that could not be resolved is taken to lie above the level before. Copies of a record count once.
+    limit; one that could not be resolved is taken to lie above the level before. Copies of a record count once. The
+    bootstrap draws the same records for every arrangement; the dispersion of models is added as a square. In Python the
+    limit is a mapping, as `{"peak_drift_ratio": 0.01}`.
 
     Parameters
     ----------
-    limit
-        Criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%; default: limit of [report] or
-        drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%. In Python a mapping, as
-        `{"peak_drift_ratio": 0.01}`.
-    level
-        Level of the bands. The bootstrap draws the same records for every arrangement.
-    modelling_dispersion
-        Standard deviation of the logarithm that models add. It is added to the dispersion as a square.
     seed
         Seed of the bootstrap.
 

@@ -98,7 +98,7 @@ class Histories:
         }
         words = {"unit": "J", "long_name": "energy since the start"}
         arrays["energy"] = NamedArray.of(numbers["energy"], "time", "energy_part", **words)
-        title = f"{study.rows[row].label} under {study.motions[motion].name}"
+        title = f"{study.rows[row].label} under {study.grounds[motion].name}"
         content = NamedArrays(title=title, rows=("time",), labels=labels, arrays=arrays)
         write_file(self._work.growing(_name_of(row, motion)), netcdf_of({"": content}, checksums=True))
 

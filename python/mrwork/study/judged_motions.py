@@ -9,15 +9,12 @@ from typing import Final, SupportsIndex
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import NotNegative
 from mrwork.base.numbers import counted
 from mrwork.base.remark import Remark, RemarkKind
-from mrwork.base.summary import list_names, named
+from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.motions.spectrum import Intensity
-from mrwork.study.schema import Use
-from mrwork.study.study import MotionOfStudy, uses_in_words
+from mrwork.study.study import MotionFacts, uses_in_words
 
 _LEVELS: Final = RemarkKind(
     "design_levels_several",
@@ -27,40 +24,6 @@ _LEVELS: Final = RemarkKind(
 _FEW_MOTIONS: Final = RemarkKind("motions_few", "{motions} little about the next")
 # Motions from which on nothing is said of their number.
 _ENOUGH: Final = 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionFacts:
-    """A motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record, intensity, force [N].
-
-    The intensity is in the measure that the motion was scaled to, else its peak. `level` is what it was scaled to in
-    words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a copy of. The ground may be a road.
-    """
-
-    name: str
-    peak: NotNegative
-    duration: NotNegative
-    source: str = ""
-    changes: tuple[str, ...] = ()
-    synthetic: bool = False
-    use: Use = "test"
-    groups: tuple[str, ...] = ()
-    record: str
-    intensity: Intensity
-    level: str = ""
-    copy_of: str = ""
-    peak_force: NotNegative = 0.0
-    is_road: bool = False
-
-    @staticmethod
-    def of(motion: MotionOfStudy) -> MotionFacts:
-        """The facts of a motion of a study."""
-        return MotionFacts(
-            **named(motion.ground, "name", "peak", "peak_force", "duration", "source", "changes", "groups"),
-            is_road=motion.ground.is_road,
-            **named(motion, "synthetic", "use", "record", "intensity", "copy_of"),
-            level=motion.level_in_words,
-        )
 
 
 # Intensities of one level agree to so many decimals [m/s^2].

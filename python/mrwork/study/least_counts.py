@@ -252,7 +252,7 @@ class _Stated(_Trials):
             )
         }
         table, study = replace(self.baseline.building, **sized), self.study
-        motions = [motion.ground for motion in study.motions if motion.use == "test"] or study.grounds
+        motions = [motion.ground for motion in study.motions if motion.facts.use == "test"] or study.grounds
         try:
             building = baseline_building(table, study.table, study.origin.folder)
         except SettingError:

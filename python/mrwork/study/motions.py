@@ -46,7 +46,7 @@ from mrwork.motions.spectrum import Intensity, scaled_from, spectral_intensity
 from mrwork.motions.synthetic import suite, synthetic_motion
 from mrwork.motions.targets import TargetSpectrum, scaled_to_target
 from mrwork.study.schema import MotionTable
-from mrwork.study.study import MotionOfStudy
+from mrwork.study.study import MotionFacts, MotionOfStudy
 
 _SYNTHETIC_STEP, _ROAD_STEP, _SYNTHETIC_DURATION = 0.01, 0.001, 30.0
 
@@ -109,13 +109,13 @@ def motions_of_study(read: Sequence[BareMotion], aims: Aims) -> tuple[MotionOfSt
     motions = tuple(motion for of_one in of_each for motion in of_one)
     if not motions:
         raise SettingError("the study has no motion; give a [[motion]]")
-    if all(motion.use == "training" for motion in motions):
+    if all(motion.facts.use == "training" for motion in motions):
         raise InvalidSettingError(
             "motion",
             "every motion is for training, and none is left to judge the controllers on; give a [[motion]] "
             'use = "test"',
         )
-    refuse_same([motion.name for motion in motions], "motion", "motions", "name")
+    refuse_same([motion.ground.name for motion in motions], "motion", "motions", "name")
     return motions
 
 
@@ -140,12 +140,18 @@ def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOf
     return [
         MotionOfStudy(
             ground=ground,
-            use=bare.table.use,
-            synthetic=bare.table.is_synthetic,
-            record=bare.ground.name,
-            intensity=intensity,
+            facts=MotionFacts(
+                **named(
+                    ground, "name", "peak", "peak_force", "duration", "source", "changes", "groups", "is_road"
+                ),
+                use=bare.table.use,
+                synthetic=bare.table.is_synthetic,
+                record=bare.ground.name,
+                intensity=intensity,
+                level=intensity.in_words if factor is None else f"factor {factor:g}",
+                copy_of=copy_of,
+            ),
             factor=factor,
-            copy_of=copy_of,
             remarks=(*bare.remarks, *force_remarks(ground.name, ground.peak_force, aims.weight)),
         )
         for ground, intensity, factor in scaled

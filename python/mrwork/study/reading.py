@@ -268,7 +268,7 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         sample_time=hardware.sample_time,
         delay=hardware.delay,
         motions=chosen_on,
-        judged=designed_on[0].use == "test",
+        judged=designed_on[0].facts.use == "test",
         reference_peaks=reference_peaks if devices else None,
         amplitude=expected("amplitude"),
         velocity=expected("velocity"),
@@ -319,18 +319,18 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
 
 def _check_suite(aims: Aims, motions: Sequence[MotionOfStudy]) -> SuiteCheck | None:
     """The suite of test motions against the target, where the study has one and each record stands once."""
-    judged = [motion for motion in motions if motion.use == "test"]
-    forced = next((motion.name for motion in motions if motion.ground.forces.size), None)
+    judged = [motion for motion in motions if motion.facts.use == "test"]
+    forced = next((motion.ground.name for motion in motions if motion.ground.forces.size), None)
     if aims.target is not None and forced:
         raise InvalidSettingError(
             "target",
             f"a target is of ground accelerations, and motion {forced!r} has forces on floors; give them a study of "
             "their own, or leave the target out",
         )
-    if aims.target is None or len({motion.record for motion in judged}) < len(judged):
+    if aims.target is None or len({motion.facts.record for motion in judged}) < len(judged):
         return None
     with keyed("target"):
-        if road := next((motion.name for motion in judged if motion.ground.is_road), ""):
+        if road := next((motion.ground.name for motion in judged if motion.ground.is_road), ""):
             raise SettingError(
                 f"the target is a spectrum of earthquakes, and {road} is a road; leave [target] out"
             )
@@ -344,17 +344,19 @@ def _design_motions(
 
     They are the training motions, or all where there are none; with a `design_level` the motions of it.
     """
-    chosen = tuple(motion for motion in motions if motion.use == "training") or tuple(motions)
-    levels = tuple(motion.level_in_words for motion in sorted(chosen, key=lambda motion: motion.level))
+    chosen = tuple(motion for motion in motions if motion.facts.use == "training") or tuple(motions)
+    levels = tuple(motion.facts.level for motion in sorted(chosen, key=lambda motion: motion.level))
     levels = tuple(dict.fromkeys(levels))
-    several = max(Counter(motion.record for motion in chosen).values()) > 1
+    several = max(Counter(motion.facts.record for motion in chosen).values()) > 1
     wanted = table.design_level
     if wanted is None:
         return chosen, levels if several else ()
     of_level = tuple(motion for motion in chosen if math.isclose(motion.level, wanted, rel_tol=1e-6))
     if not of_level:
-        what = f"{chosen[0].use} motion" if chosen[0].use == "training" else "motion"
-        is_force = all(motion.intensity.measure == "force" and motion.factor is None for motion in chosen)
+        what = f"{chosen[0].facts.use} motion" if chosen[0].facts.use == "training" else "motion"
+        is_force = all(
+            motion.facts.intensity.measure == "force" and motion.factor is None for motion in chosen
+        )
         cure = (
             "forces without a factor have no level; leave it out"
             if is_force
@@ -363,7 +365,7 @@ def _design_motions(
         raise InvalidSettingError(
             "design_level", f"no {what} is scaled to {wanted:.4g} m/s2, or by this factor; {cure}"
         )
-    return of_level, (of_level[0].level_in_words,)
+    return of_level, (of_level[0].facts.level,)
 
 
 def _unusual_limits(table: StudyTable, limit: Mapping[str, float], place: Place) -> Iterator[Remark]:
@@ -384,12 +386,12 @@ def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy], bare: 
 
     By default the test motion of the largest peak, at the `design_level` where the study names one.
     """
-    names, wanted, level = [motion.name for motion in motions], table.report.motion, table.design_level
+    names, wanted, level = [motion.ground.name for motion in motions], table.report.motion, table.design_level
     if wanted is not None:
         with keyed("report", "motion"):
             check_known(wanted, names, f"no motion is called {wanted!r}")
             return names.index(wanted)
-    is_test = np.array([motion.use == "test" for motion in motions])
+    is_test = np.array([motion.facts.use == "test" for motion in motions])
     if level is not None:
         of_level = is_test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
         is_test = of_level if of_level.any() else is_test

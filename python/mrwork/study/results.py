@@ -34,7 +34,7 @@ from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange, Outside
 from mrwork.errors import SettingError
-from mrwork.study.judged_motions import JudgedMotions, MotionFacts
+from mrwork.study.judged_motions import JudgedMotions
 from mrwork.study.row_kinds import Kind
 from mrwork.study.runs import NOT_RUN, Runs
 from mrwork.study.schema import Use
@@ -315,7 +315,7 @@ class StudyResults(Plotted, Summarised):
             **named(study, "title", "limit", "command_unit", "scored"),
             rows=tuple(rows),
             motions=JudgedMotions(
-                motions=tuple(map(MotionFacts.of, study.motions)),
+                motions=tuple(motion.facts for motion in study.motions),
                 chosen_on=tuple(ground.name for ground in study.chosen_on),
                 design_levels=study.design_levels,
             ),

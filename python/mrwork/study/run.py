@@ -16,6 +16,7 @@ from mrwork.study.course import Course, What, steps_of
 from mrwork.study.damper_size import judged_by_demand
 from mrwork.study.histories import RunHistory
 from mrwork.study.loop_case import LoopCase, scales_of
+from mrwork.study.options import CheckStep
 from mrwork.study.results import StudyResults
 from mrwork.study.row_runs import RowRuns
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, own_axes, study_criteria, study_quantities
@@ -33,7 +34,7 @@ def run_study(
     kept: Callable[[int, int], bool] = lambda row, motion: True,
     keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
     on_progress: OnProgress | None = None,
-    check_step: bool = False,
+    check_step: CheckStep = False,
     threads: Threads = 0,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> StudyResults:
@@ -49,8 +50,6 @@ def run_study(
         Stores the history of a (row, motion).
     on_progress
         Called with the progress, with the time that is left from the first runs of each kind on.
-    check_step
-        Repeat every run with half the integration step at the end, and compare.
     executor
         Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
         have the same bits. By default this process does them, as always the runs of laws of the user.
@@ -125,7 +124,7 @@ class _SoFar:
     def at_start(cls, study: Study, *, check_step: bool) -> _SoFar:
         axes = {
             "row": tuple(row.label for row in study.rows),
-            "motion": tuple(motion.name for motion in study.motions),
+            "motion": tuple(ground.name for ground in study.grounds),
         }
         realisations: dict[What, tuple[str, ...]] = {
             "runs": (NOMINAL,),

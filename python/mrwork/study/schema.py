@@ -617,11 +617,13 @@ class MotionTable(Stated):
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         grounds = [name for name in GROUNDS if getattr(self, name) is not None]
         forces = [name for name in ("force", "forces") if getattr(self, name) is not None]
-        if not (grounds or forces):
+        names_road = self.is_drawn_road or (not (grounds or forces) and self.road_class is not None)
+        if not (grounds or forces or names_road):
+            of_road = '; its speed is of a road, or of synthetic = "iso_8608"' if self.speed else ""
             yield (
                 (),
                 "[[motion]] needs a file, samples, a synthetic motion, a suite, a road or forces; forces may act "
-                "beside one of the others",
+                f"beside one of the others{of_road}",
             )
         for ways in (grounds, forces):
             if len(ways) > 1:
@@ -630,7 +632,8 @@ class MotionTable(Stated):
         if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
             yield keys[1], f"{says}; keep one of {list_names(keys)}"
-        for unread, names, reason in self._unread():
+        # What is read depends on what moves.
+        for unread, names, reason in self._unread() if grounds or forces else ():
             yield from (
                 (name, f"{name} {reason}") for name in names.split() if unread and name in given_in(self)
             )
@@ -639,9 +642,13 @@ class MotionTable(Stated):
         of_samples = self.acceleration is not None
         if (of_samples or (self.forces is not None and self.ground is None)) and self.dt is None:
             yield (), f"[[motion]] has no dt of its {'samples' if of_samples else 'forces'}; give it [s]"
-        wanted = {"road_class": self.road_class, "speed": self.speed} if self.is_drawn_road else {}
-        if lacking := " and no ".join(name for name, value in wanted.items() if value is None):
-            yield (), f'iso_8608 has no {lacking}; give both, as road_class = "C", speed = "72 km/h"'
+        wanted = ("synthetic", "road_class", "speed") if names_road else ()
+        if lacking := " and no ".join(name for name in wanted if getattr(self, name) is None):
+            yield (
+                (),
+                f"a random road has no {lacking}; give all three, "
+                'as synthetic = "iso_8608", road_class = "C", speed = "72 km/h"',
+            )
 
     def _unread(self) -> Iterator[tuple[bool, str, str]]:
         """Whether names of keys go unread, these names, and why, with what to do."""
@@ -659,8 +666,13 @@ class MotionTable(Stated):
             "column channel",
             f"is of records, and columns of forces are named by their floors{leave}",
         )
-        yield not drawn, "road_class", 'is of a synthetic road; leave it out, or give synthetic = "iso_8608"'
-        yield not (drawn or self.road), "speed", f"is of roads, and this motion is none{leave}"
+        names_road = self.road_class is not None
+        yield (
+            not drawn,
+            "road_class speed" if names_road and not self.road else "road_class",
+            'is of a synthetic road; leave it out, or give synthetic = "iso_8608"',
+        )
+        yield not (drawn or self.road or names_road), "speed", f"is of roads, and this motion is none{leave}"
         yield drawn, "soil", f"is of filtered noise, and this is a road{leave}"
         yield self.road is not None, "channel", f"is for records, and this is a road{leave}"
         yield (

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.base.arguments import checked
+from mrwork.base.arguments import NotNegative, checked
 from mrwork.base.keys import Key, keys_of
 from mrwork.base.places import Place, keyed
 from mrwork.base.remark import Remark, RemarkKind
@@ -52,40 +52,46 @@ StudyLaw = ControlLaw | UserLaw | ProcessLaw
 """A law of the registry, or one of the user, in Python or outside of it."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionFacts:
+    """A motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record, intensity, force [N].
+
+    The intensity is in the measure that the motion was scaled to, else its peak. `level` is what it was scaled to in
+    words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a copy of. The ground may be a road.
+    """
+
+    name: str
+    peak: NotNegative
+    duration: NotNegative
+    source: str = ""
+    changes: tuple[str, ...] = ()
+    synthetic: bool = False
+    use: Use = "test"
+    groups: tuple[str, ...] = ()
+    record: str
+    intensity: Intensity
+    level: str = ""
+    copy_of: str = ""
+    peak_force: NotNegative = 0.0
+    is_road: bool = False
+
+
 @checked
 class MotionOfStudy:
-    """A ground motion of a study as it is simulated, its use, whether it was generated, and the name of its record.
+    """A ground motion of a study as it is simulated, its facts, the `factor` that scaled it, and remarks on its record.
 
-    A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
-    to, else its peak ground acceleration; `factor` is what it was scaled by, if it was.
-    `copy_of` names the record that its own is a copy of, `remarks` are on the record.
+    A record that is scaled to several intensities is a motion at each.
     """
 
     ground: GroundMotion
-    record: str
-    intensity: Intensity
-    use: Use = "test"
-    synthetic: bool = False
+    facts: MotionFacts
     factor: float | None = None
-    copy_of: str = ""
     remarks: tuple[Remark, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """Name of the motion in tables."""
-        return self.ground.name
 
     @property
     def level(self) -> float:
         """Its factor, if it was scaled by one, else its intensity [m/s^2]."""
-        return self.intensity.value if self.factor is None else self.factor
-
-    @property
-    def level_in_words(self) -> str:
-        """Text such as "0.3 g" or "factor 2"."""
-        factor = self.factor is not None
-        unit, per = self.intensity.shown
-        return f"factor {self.level:g}" if factor else f"{per * self.level:.3g} {unit}"
+        return self.facts.intensity.value if self.factor is None else self.factor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -368,11 +374,11 @@ class Study(Summarised):
         for copy, first in product(self.motions, repeat=2):
             # A record that is named twice for its levels is no copy.
             is_level = first.ground.source == copy.ground.source and first.level != copy.level
-            if first.record == copy.copy_of != copy.record and not is_level:
-                copies.setdefault(copy.copy_of, []).append(copy.record)
+            if first.facts.record == copy.facts.copy_of != copy.facts.record and not is_level:
+                copies.setdefault(copy.facts.copy_of, []).append(copy.facts.record)
         of_records = dict.fromkeys(remark for motion in self.motions for remark in motion.remarks)
         of_motions = (*of_records, *copies_remarks(copies))
-        of_motions += () if self.suite is None else self.suite.remarks
+        of_motions += () if self.suite is None else self.suite.far_from_target
         of_laws = (
             replace(remark, message=f"{label}: {remark.message}", words=(label, *remark.words))
             for label, law in self.laws
@@ -462,7 +468,7 @@ class Study(Summarised):
         >>> study = mr.read_study("study.toml")  # doctest: +SKIP
         >>> study.of_use("training").grounds  # doctest: +SKIP
         """
-        numbers = [number for number, motion in enumerate(self.motions) if motion.use == use]
+        numbers = [number for number, motion in enumerate(self.motions) if motion.facts.use == use]
         if not numbers:
             raise SettingError(
                 f"study {self.title!r}: no motion is for {use}; give one of its motions use = {use!r}"
@@ -560,8 +566,8 @@ class Study(Summarised):
                 ("building", f"{self.building.name}, {len(self.building.floors)} floors"),
                 ("dampers", list_names(self.device_names)),
                 ("sample time", f"{self.hardware.sample_time:g} s"),
-                ("motions", list_names([motion.name for motion in self.motions])),
-                ("uses", uses_in_words([motion.use for motion in self.motions])),
+                ("motions", list_names([ground.name for ground in self.grounds])),
+                ("uses", uses_in_words([motion.facts.use for motion in self.motions])),
             ),
             tables=[Table(columns=("arrangement", "description"), rows=rows)],
             remarks=self.remarks,
@@ -595,7 +601,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
             if not arrangement.added
         ],
         "motion": [
-            {"name": motion.name, "use": motion.use, "content": _digest_of_motion(motion.ground)}
+            {**named(motion.facts, "name", "use"), "content": _digest_of_motion(motion.ground)}
             for motion in study.motions
         ],
         "chosen_on": [_digest_of_motion(ground) for ground in study.chosen_on],

@@ -99,7 +99,7 @@ def compare_places(
     own, placements = placements_of(study)
     first, hardware = study.table.damper[0], unobserved(study.hardware)
     one, _ = chosen_damper(first, study.origin.folder, study.origin.identified)
-    testing = [motion.ground for motion in study.motions if motion.use == "test"]
+    testing = [motion.ground for motion in study.motions if motion.facts.use == "test"]
     motions = [*study.chosen_on, *(testing if len(testing) < len(study.motions) else [])]
     bare = LoopCase(
         arrangement=study.arrangements[0],

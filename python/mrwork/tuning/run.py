@@ -25,6 +25,7 @@ from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.loop_case import training_case
 from mrwork.study.motions import refuse_same
+from mrwork.study.options import TunedLaws
 from mrwork.study.runs import asking
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, constant_share, fingerprint_of
@@ -51,7 +52,7 @@ def tune(
     study: Study,
     tables: Sequence[TuneTable] = (),
     *,
-    laws: Sequence[str] = (),
+    laws: TunedLaws = (),
     risk: Risk = "mean",
     budget: int | None = None,
     rng: Seed = 0,
@@ -65,23 +66,18 @@ def tune(
     Where the study has a table of places, the placements of its dampers are compared first, and laws are tuned at the
     best placement. First candidates (equal and published weights, the energy) and a search on the free settings are
     scored by the objective of the table, and the best is chosen, beside references that no search has touched.
-    `mr.tuning.judge` judges the tuned laws on other motions, as rows of the study.
+    `mr.tuning.judge` judges the tuned laws on other motions, as rows of the study. In Python `laws` has several names.
 
     Parameters
     ----------
     tables
         What to tune; by default the [[tune]] tables of the study file.
-    laws
-        Tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study. In Python several
-        names, instead of `tables`.
     risk, budget
         With `laws`, the risk, and the candidates of each law.
     rng
         Seed, added to the `seed` of each table.
     journal
         Records every generation, and recalls the generations of a tuning that was interrupted.
-    threads
-        Threads to use, 0 for all; they change no bit of the result.
     on_progress
         Called with the progress after every generation; where it returns true the tuning is interrupted.
     executor

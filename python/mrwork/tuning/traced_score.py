@@ -151,8 +151,6 @@ def study_score(
     coordinates
         Whether a point is the settings, "theta", their places in their ranges from 0 to 1, "unit", or the logits of
         these, "latent".
-    threads
-        Threads of a simulation, 0 for all.
 
     Returns
     -------

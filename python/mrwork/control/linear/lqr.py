@@ -207,8 +207,6 @@ def regulators_of_weights(
         add up to. A single weight holds for all regulators.
     control_weights
         R [1/N^2] of each regulator.
-    threads
-        Number of threads, 0 for all processors.
 
     Returns
     -------

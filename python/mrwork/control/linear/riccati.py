@@ -130,8 +130,6 @@ def regulator_gains(
     scaling
         T of s = T z, shape (..., n_states, n_states): coordinates in which the terms are of one magnitude, such as
         `plant.scaling`; by default a diagonal one that balances A.
-    threads
-        Number of threads, 0 for all processors.
 
     Raises
     ------

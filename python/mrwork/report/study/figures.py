@@ -23,9 +23,8 @@ from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import Comparison
 from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.histories import RunHistory
-from mrwork.study.judged_motions import MotionFacts
 from mrwork.study.results import StudyResults
-from mrwork.study.study import uses_in_words
+from mrwork.study.study import MotionFacts, uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
 
 

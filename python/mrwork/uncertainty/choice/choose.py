@@ -30,7 +30,7 @@ from mrwork.identification.commands import CommandedTests, with_laws_at
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import pooled_commands
-from mrwork.identification.settings import FitSettings, Fold
+from mrwork.identification.settings import FitSettings, Lagged, LawUnit, LeaveOut
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.long_call import LongCall
@@ -269,10 +269,10 @@ def choose_model(
     tests: DamperTest | Sequence[DamperTest],
     models: str | Sequence[DamperSpec | str] = SCREENED,
     *,
-    leave_out: Fold | None = None,
+    leave_out: LeaveOut = None,
     laws: Mapping[str, LawName] | None = None,
-    unit: CommandUnit = "A",
-    lagged: bool = False,
+    unit: LawUnit = "A",
+    lagged: Lagged = False,
     settings: FitSettings | None = None,
     threads: Threads = 0,
     on_progress: OnProgress | None = None,
@@ -290,21 +290,10 @@ def choose_model(
     ----------
     models
         Names of models, models with their laws, "all", or "screened": those of all that go on from `screen_families`.
-    leave_out
-        With several models or laws to choose: tests that are left out together and predicted: all of one motion
-        (default from three motions on), each test alone, or all at one command.
     laws
         Laws of the parameters that follow the command, for the families that have such parameters.
-    unit
-        Unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %, bar, psi, lb
-        or degC.
-    lagged
-        Let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; for
-        records of a set point that varies, rather than of the current itself; left out where the tests show none.
     settings
         Settings of each identification, see `identify`; its bounds apply to the families that have such parameters.
-    threads
-        Threads of the simulation, 0 for all.
     on_progress
         Called during the fits.
     journal_of

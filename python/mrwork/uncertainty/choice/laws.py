@@ -303,8 +303,6 @@ def choose_laws(
         Settings of the identifications, see `identify`. A parameter with bounds remains constant, unless it has a
         law in `laws`; starts are refused. Of several models, each takes the laws and bounds
         of the parameters that it has.
-    threads
-        Threads of the simulation, 0 for all.
     on_progress
         Called before each fit and during the first identification of a model and the last one.
     journal_of

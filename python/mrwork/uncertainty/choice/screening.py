@@ -155,8 +155,6 @@ def screen_families(
     ----------
     settings
         Settings of the identifications, see `identify`.
-    threads
-        Threads of the simulation, 0 for all.
     on_progress
         Called before each family.
     journal_of

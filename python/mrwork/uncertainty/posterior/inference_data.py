@@ -71,8 +71,6 @@ def inference_data(
         Largest number of draws, of which evenly spaced ones are kept, of every walker.
     rng
         Seed of the noise of the predictions.
-    threads
-        Threads of the simulation, 0 for all.
 
     Raises
     ------

@@ -284,8 +284,6 @@ def sample(
         Largest number of steps; the sentence on a chain that reaches it says what is missing.
     rng
         Seed of the walkers. The same seed gives the same bits on any number of threads.
-    threads
-        Threads of the simulation, 0 for all.
     journal
         To it goes the log density of every step, from which the chain is built again: a journal that is resumed
         continues the chain to the same bits as without the interruption. Only `most_steps` and `threads` may differ.
