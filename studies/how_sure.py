@@ -1,7 +1,7 @@
 """How much of a test that the fit has not seen lies inside its 90 % band?
 
-61 to 66 % with two noise models and their posteriors from one measured test, 89 % with a band calibrated on the errors
-of other tests; 69 % and 90 % at a current that a joint model has not seen. Where the assumed noise is the true
+61 to 67 % with two noise models and their posteriors from one measured test, 91 % with a band calibrated on the errors
+of other tests; 68 % and 96 % at a current that a joint model has not seen. Where the assumed noise is the true
 one, noise models hold 90 to 91 %. About an hour of one core, the quick form twenty seconds.
 """
 
