@@ -1,7 +1,7 @@
 """Which method predicts held-out damper tests best, and which control law is best on motions that it was not given?
 
 Of five identifications a modified Bouc-Wen model with current laws predicts best, with medians of 97.9 % on a synthetic
-rig and 93.1 % on measured sinusoids; 24 features without a damper model have 72.8 and 85.2 %. On synthetic motions no
+rig and 93.2 % on measured sinusoids; 24 features without a damper model have 72.8 and 85.2 %. On synthetic motions no
 law has a smaller mean of four ratios than the best constant command, 0.715; on four records clipped-optimal with equal
 weights has 0.524, the constant command 0.592. A quarter of an hour on one core, the quick form half a minute.
 
