@@ -241,3 +241,9 @@ def test_a_damaged_run_is_read_or_refused_and_not_replaced(
         assert {each: each.read_bytes() for each in whole} == whole | {path: damaged}
     finally:
         path.write_bytes(whole[path])
+
+
+@pytest.mark.parametrize("name", ["frame.toml", "sample.toml"])
+def test_arrays_beyond_the_depth_of_the_reader_are_refused(name: str, tmp_path: Path) -> None:
+    (path := tmp_path / name).write_text(f"masses = {'[' * 3000}{']' * 3000}")
+    assert not is_read(lambda: FILES[name][1](path))

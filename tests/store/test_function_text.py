@@ -1,5 +1,8 @@
 """The text of a function of a user changes with the code and the values that it uses, and with nothing else."""
 
+# The cells that are compiled below inherit it.
+from __future__ import annotations
+
 import linecache
 from collections.abc import Callable
 from typing import Any

@@ -232,7 +232,7 @@ def _read(
     text = text_of(path, TOML)
     try:
         document = tomllib.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
     place = Place(origin=str(path), lines=toml_lines(text), title="the building")
     table = read_table(BuildingTable, document, place)

@@ -63,7 +63,7 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     """A TOML document, and the line of every key, table and array element in it."""
     try:
         document = tomllib.loads(text)
-    except ValueError as reason:
+    except (ValueError, RecursionError) as reason:
         text = str(reason)
         raise SettingError(f"{origin} is not TOML: {text[:1].lower()}{text[1:]}") from None
     return document, toml_lines(text)
