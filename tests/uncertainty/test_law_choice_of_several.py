@@ -62,12 +62,12 @@ def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(
     ranking = choice.ranking
     chosen = ranking.chosen_standing
     assert (ranking.chosen, chosen.model, choice.best.model) == ("dahl", "dahl", "dahl")
-    assert chosen.laws == {"k_w": "log_linear"}
+    assert chosen.laws == {"k_w": "linear"}
     good = [each for each in ranking.standings if each.verdict in ("chosen", "as good")]
     assert {each.model for each in good} == {"dahl", "viscous_dahl"}
     assert chosen.n_params == min(each.n_params for each in good)
     assert ranking.n_models == len(MODELS)
-    assert "of 3 models, Dahl with 4 parameters (k_w log_linear) is chosen" in ranking.sentence
+    assert "of 3 models, Dahl with 4 parameters (k_w linear) is chosen" in ranking.sentence
 
 
 def test_other_models_do_not_change_what_a_model_finds(tests: tuple[DamperTest, ...], choice: Choice) -> None:

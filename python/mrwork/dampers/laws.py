@@ -83,9 +83,23 @@ class CommandLaw:
         return self.form in _LOGARITHMIC
 
     @property
+    def is_straight(self) -> bool:
+        """Whether straight lines go through the values, or their logarithms."""
+        return self.form in _STRAIGHT
+
+    @property
     def fitted_degree(self) -> int:
         """Degree of the polynomial in the command that values determine: 1 for an exponential."""
         return 1 if self.is_exponential else self.n_coefficients - 1
+
+    def is_determined_at(self, commands: Floats) -> bool:
+        """Whether values at these commands, (n_commands,), determine every coefficient."""
+        n = self.n_coefficients
+        if n > len(commands):
+            return False
+        # Coefficients of no special case: rising, so that a rate has an effect.
+        slopes = self.slopes(np.linspace(1.0, 2.0, n)[:, None], np.asarray(commands, dtype=np.float64))
+        return bool(np.linalg.matrix_rank(slopes[..., 0]) == n)
 
     def values(self, coefficients: Array, command: Array, *, xp: ModuleType = np) -> Any:
         """The parameter at commands, perhaps beyond its range, of NumPy or, with `xp`, of JAX.

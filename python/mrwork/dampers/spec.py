@@ -527,31 +527,14 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
     if spec.command_unit is None or len(levels) < 2:
         return ()
     unit, command = spec.command_unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
-
-    def passing(law: CommandLaw, coefficients: Floats) -> tuple[Floats, Floats]:
-        value = law.values(coefficients, command.ravel()).reshape(command.shape)
-        ends = value[[0, -1]]
-        beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
-        return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
-
     extrema = []
     by_law = by_parameter(spec, np.asarray(theta, dtype=np.float64))
     for (parameter, law), coefficients in zip(spec.law_pairs, by_law, strict=False):
-        share, value = passing(law, coefficients)
+        share, value = _passing(law, coefficients, command)
         if share.max() <= _OVERSHOOT:
             continue
         most = int(np.argmax(share))
-        others = [(other_law, *passing(other_law, coefficients)) for other_law in law.other_forms(parameter)]
-        instead = next(
-            (
-                other_law
-                for other_law, passed, values in others
-                if passed.max() <= _OVERSHOOT
-                and values.max() <= parameter.upper
-                and values.min() >= max(parameter.lower, parameter.is_positive * _VANISHED * values.max())
-            ),
-            None,
-        )
+        instead = _least_curved(parameter, law.other_forms(parameter), coefficients, command)
         low, high = (levels[most % command.shape[1] + end] for end in (0, 1))
         extreme = Measured(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit)
         remark = _EXTREMUM.remark(
@@ -566,6 +549,50 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
         )
         extrema.append(HiddenExtremum(parameter.name, instead, remark))
     return tuple(extrema)
+
+
+def least_curved(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> dict[str, CommandLaw]:
+    """For each parameter with a law by values the least curved form through these without an extremum between levels.
+
+    Straight lines are taken where all curves have one; a parameter of which all forms have one is left out.
+    """
+    command = np.linspace(levels[:-1], levels[1:], _PER_GAP)
+    by_law = by_parameter(spec, np.asarray(theta, dtype=np.float64))
+    found = {
+        parameter.name: _least_curved(parameter, [law, *law.other_forms(parameter)], coefficients, command)
+        for (parameter, law), coefficients in zip(spec.law_pairs, by_law, strict=False)
+        if law.nodes
+    }
+    return {name: law for name, law in found.items() if law is not None}
+
+
+def _least_curved(
+    parameter: ParamSpec, laws: Sequence[CommandLaw], coefficients: Floats, command: Floats
+) -> CommandLaw | None:
+    """Of laws through the same values the least curved one within its range and without an extremum.
+
+    `command` has a column for each gap, (n_per_gap, n_gaps). The curvature is the integral of the squared second
+    derivative. Straight lines, whose kinks have none, come last, in their order.
+    """
+    best, least = None, np.inf
+    every = np.linspace(command.min(), command.max(), 2 * command.size)
+    for law in laws:
+        share, value = _passing(law, coefficients, command)
+        lowest = max(parameter.lower, parameter.is_positive * _VANISHED * value.max())
+        if share.max() > _OVERSHOOT or value.max() > parameter.upper or value.min() < lowest:
+            continue
+        curvature = float(np.sum(np.diff(law.values(coefficients, every), 2) ** 2))
+        if best is None or (not law.is_straight and (best.is_straight or curvature < least)):
+            best, least = law, curvature
+    return best
+
+
+def _passing(law: CommandLaw, coefficients: Floats, command: Floats) -> tuple[Floats, Floats]:
+    """By which share of the larger end of its gap a law passes both ends at each command, and its values there."""
+    value = law.values(coefficients, command.ravel()).reshape(command.shape)
+    ends = value[[0, -1]]
+    beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
+    return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
 
 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:

@@ -19,7 +19,7 @@ from mrwork.identification.excerpts import excerpt, middle_excerpts, varied_exce
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import loading_of
+from mrwork.records.damper_test import levels_among, loading_of
 from mrwork.records.window import cut
 
 
@@ -43,11 +43,14 @@ class CommandedTests:
         varying = [command for command in given if isinstance(command, np.ndarray)]
         points = [command_level(each, unit) if isinstance(each, int | float) else math.nan for each in given]
         common = Command(np.concatenate(varying), unit).levels if varying else ()
+        set_points = np.array(points)
+        held = np.isfinite(set_points)
+        set_points[held] = levels_among(set_points[held])
         return cls(
             spec=spec,
             tests=tuple(tests),
-            set_points=np.array(points),
-            commands=np.unique([*filter(math.isfinite, points), *common]),
+            set_points=set_points,
+            commands=np.unique([*set_points[held], *common]),
         )
 
     @property

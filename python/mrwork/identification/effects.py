@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.hints import SMALLEST
 from mrwork.base.numbers import of_unit, significant
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
@@ -61,6 +62,9 @@ _SIMPLER = 0.95
 # of its predictions to this share. Where effects lower the misfit as far, but are not significant, the remark says so.
 _WRONG = 0.12
 _BEYOND_DOUBT = 0.7
+# Eigenvalue of the equations of the others, per largest, below which they do not determine a combination of parameters;
+# share of the sensitivity of a part that it may have to such ones.
+_UNSEEN, _UNSEEN_SHARE = 1e-9, 1e-4
 # Fewest groups of tests that are left out in turn, and parts of the time, and of the range of the force, else.
 _PARTS = 3
 # Delay that may be unknown, in samples and at most in periods, and mass [kg]; they are told where they change damping
@@ -339,8 +343,31 @@ def _predict_parts(
     for numbers in divisions:
         left_out.append(numbers == np.arange(numbers.max() + 1)[:, None])
         steps.append(normal.steps(np.asarray(1.0 - left_out[-1], dtype=np.float64), fixed, ridge=ridge))
-    predicted = float(np.sqrt(normal.after(steps[0][:, None])[left_out[0]].sum()))
-    return steps, predicted
+    shown = _shown(normal, left_out[0], fixed)
+    if not shown.any():
+        return steps, np.inf
+    squared = normal.after(steps[0][:, None])[left_out[0]].reshape(shown.size, -1).sum(axis=1)
+    return steps, float(np.sqrt(squared[shown].sum() / np.mean(shown)))
+
+
+def _shown(
+    normal: NormalEquations, left_out: NDArray[np.bool_], fixed: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Whether what is not in each part, (n_parts, n_pieces), determines what the part shows, (n_parts,).
+
+    A step leaves what the others do not determine where the fit to all tests has it, so that it predicts nothing.
+    """
+    pieces = np.where(fixed[0][:, None] | fixed[0], 0.0, normal.matrix[0])
+    whole = pieces.sum(axis=0)
+    size = np.sqrt(np.maximum(np.diag(whole), SMALLEST))
+    shown = np.empty(len(left_out), dtype=np.bool_)
+    for number, of_part in enumerate(left_out):
+        part = pieces[of_part].sum(axis=0) / size / size[:, None]
+        values, vectors = np.linalg.eigh(whole / size / size[:, None] - part)
+        unseen = vectors[:, values < _UNSEEN * values[-1]]
+        alone = np.trace(unseen.T @ part @ unseen)
+        shown[number] = alone < _UNSEEN_SHARE * np.trace(part)
+    return shown
 
 
 def _held(slopes: Slopes) -> NDArray[np.bool_]:
@@ -577,7 +604,7 @@ def _weigh_by_sliders(
                 for each in fits
                 if _MASS in each.effects and abs(each.predicted - fit.predicted) < _ABOUT * fit.predicted
             ]
-            errors[0] = np.hypot(errors[0], np.abs(apart).max())
+            errors[0] = np.hypot(errors[0], np.abs(apart).max(initial=0.0))
         weighed.append(replace(fit, errors=errors))
     return weighed, FitWithEffects.by_sliders(sliders.fit(()), (), groups).predicted
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, levels_of_command
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw
-from mrwork.records.damper_test import DamperTest, fields_of_commands
+from mrwork.records.damper_test import DamperTest, command_groups, fields_of_commands
 from mrwork.records.motion import spectrum
 from mrwork.records.window import cut, settling_samples
 
@@ -173,20 +173,19 @@ def middle_excerpts(tests: Sequence[DamperTest]) -> tuple[DamperTest, ...]:
 
     Where a motion begins and dies away the loop is smaller: of the smallest motion at a command that stays.
     """
-    least: dict[object, float] = {}
-    for test in tests:
-        if not test.has_varying_command:
-            stroke = float(np.ptp(test.displacement))
-            least[test.commands] = min(stroke, least.get(test.commands, stroke))
+    least: dict[int, float] = {}
+    groups = command_groups(tests)
+    for test, group in zip(tests, groups, strict=True):
+        stroke = float(np.ptp(test.displacement))
+        least[group] = min(stroke, least.get(group, stroke))
     return tuple(
         middle_excerpt(
             test,
             ends=0
-            if test.has_varying_command
-            or least[test.commands] >= _SAME_RANGE * float(np.ptp(test.displacement))
+            if test.has_varying_command or least[group] >= _SAME_RANGE * float(np.ptp(test.displacement))
             else _ENDS,
         )
-        for test in tests
+        for test, group in zip(tests, groups, strict=True)
     )
 
 

@@ -141,13 +141,6 @@ class Problem:
 
 def with_free(objective: Objective, form: Form, effects: tuple[Effect, ...]) -> tuple[Objective, Form]:
     """Objective and form with free effects as last parameters, of the form as of the model."""
-    ranges = [effect.free or (-np.inf, np.inf) for effect in effects]
-    box = Box(
-        names=(*form.box.names, *(effect.parameter for effect in effects)),
-        lower=(*form.box.lower, *(lower for lower, _ in ranges)),
-        upper=(*form.box.upper, *(upper for _, upper in ranges)),
-        log=(*form.box.log, *(False for _ in effects)),
-    )
 
     def beside(conversion: Conversion) -> Conversion:
         n_last = len(effects)
@@ -156,8 +149,20 @@ def with_free(objective: Objective, form: Form, effects: tuple[Effect, ...]) -> 
         )
 
     compared = tuple(replace(test, free=effects) for test in objective.compared)
+    box = box_with_free(form.box, effects)
     form = replace(form, box=box, to_model=beside(form.to_model), from_model=beside(form.from_model))
     return replace(objective, compared=compared), form
+
+
+def box_with_free(box: Box, effects: tuple[Effect, ...]) -> Box:
+    """The box with the ranges of free effects, which are its last parameters."""
+    ranges = [effect.free or (-np.inf, np.inf) for effect in effects]
+    return Box(
+        names=(*box.names, *(effect.parameter for effect in effects)),
+        lower=(*box.lower, *(lower for lower, _ in ranges)),
+        upper=(*box.upper, *(upper for _, upper in ranges)),
+        log=(*box.log, *(False for _ in effects)),
+    )
 
 
 def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:

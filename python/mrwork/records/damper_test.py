@@ -340,6 +340,40 @@ def set_points(test: DamperTest) -> tuple[tuple[CommandUnit, float], ...] | None
     return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
 
 
+# Set points of several tests that are closer than this share of their range are one: a driver repeats them so.
+_ONE_LEVEL = 0.01
+
+
+def levels_among(values: ArrayLike) -> Floats:
+    """The level of each value, (n_values,): the middle one of all that follow within 1 % of their range."""
+    given = np.asarray(values, dtype=np.float64)
+    order = np.argsort(given, kind="stable")
+    begins = np.diff(given[order], prepend=-np.inf) > _ONE_LEVEL * (np.ptp(given) if given.size else 0.0)
+    groups = np.split(order, np.flatnonzero(begins)[1:])
+    levels = np.empty_like(given)
+    for group in groups:
+        levels[group] = given[group[(group.size - 1) // 2]]
+    return levels
+
+
+def command_groups(tests: Sequence[DamperTest]) -> list[int]:
+    """Number of the constant command of each test, (n_tests,); one that varies is alone, or with its equals."""
+    points = [set_points(test) for test in tests]
+    units = [None if point is None else tuple(unit for unit, _ in point) for point in points]
+    keys: list[object] = [()] * len(tests)
+    for kind in dict.fromkeys(filter(None, units)):
+        members = [index for index, unit in enumerate(units) if unit == kind]
+        values = np.array([[value for _, value in points[index] or ()] for index in members])
+        levels = np.stack([levels_among(column) for column in values.T], axis=1)
+        for index, level in zip(members, levels.tolist(), strict=True):
+            keys[index] = (kind, *level)
+    for index, test in enumerate(tests):
+        if points[index] is None:
+            keys[index] = next(other for other in range(index + 1) if same_commands(test, tests[other]))
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    return [numbers[key] for key in keys]
+
+
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     """Motion of a test, with its command in the unit of the model, constant or held from sample to sample."""
     loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)

@@ -24,6 +24,7 @@ from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
 from mrwork.records.likeness import RecordedMotion, alike_groups
+from mrwork.records.observation import FREE
 from mrwork.store.codec import built, digest_of, json_document, plain
 from mrwork.store.long_call import LongCall
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, RunFolder
@@ -257,6 +258,9 @@ def cross_validated(
     fits = {name: fit for name, fit in stored.items() if fit is not None}
     missing = [number for number, name in enumerate(names) if name not in (*fits, *names[:number])]
     settings, call = opened.fit.settings.again, LongCall[None](on_progress=on_progress)
+    if effects := opened.fit.effect_values:
+        # What all tests have told of them the others are to tell.
+        settings = settings.with_effects(dict.fromkeys(effects, FREE))
 
     def report(number: int, within: Progress | None) -> None:
         fold = f"{leave_out} {missing[number] + 1} of {len(rests)}"

@@ -23,7 +23,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import explain_failures, fit_quality, free_run, rms
 from mrwork.identification.settings import Fold as Fold
 from mrwork.records import DamperTest, Likeness, observed
-from mrwork.records.damper_test import range_of_test, same_commands
+from mrwork.records.damper_test import command_groups, range_of_test
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 from mrwork.records.observation import AS_IT_IS, Observation, effects_of_each
@@ -318,10 +318,17 @@ def predict_beyond(tests: Sequence[DamperTest], identify_rest: IdentifyRest) -> 
 
 def groups_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
     """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold."""
+    commands = command_groups(tests) if fold == "command" else []
+
+    def together(one: int, other: int) -> bool:
+        if fold == "command":
+            return commands[one] == commands[other]
+        return fold == "motion" and are_one_motion(motion_of(tests[one]), motion_of(tests[other]))
+
     folds: list[list[int]] = []
     for group in alike_groups([RecordedMotion.of(test) for test in tests]):
         for members in folds:
-            if _TOGETHER[fold](tests[members[0]], tests[group[0]]):
+            if together(members[0], group[0]):
                 members += group
                 break
         else:
@@ -367,14 +374,6 @@ def are_one_motion(one: tuple[float, float], other: tuple[float, float]) -> bool
 def motion_of(test: DamperTest) -> tuple[float, float]:
     """Stroke [m] and mean length of a cycle [s]."""
     return float(np.ptp(test.displacement[test.counted])), mean_cycle(test) * test.dt
-
-
-# Whether two tests that are not alike belong to one fold.
-_TOGETHER: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
-    "test": lambda one, other: False,
-    "motion": lambda one, other: are_one_motion(motion_of(one), motion_of(other)),
-    "command": same_commands,
-}
 
 
 def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:

@@ -167,6 +167,8 @@ class Choosing(LongCall[Choice]):
         return Ranking.of(
             candidates,
             held_out=self.splits.in_words,
+            tests=tuple(test.name for test in self.splits.tests),
+            splits=self.splits.splits,
             n_folds=max(len(candidate.left_out) for candidate in candidates),
             missing=missing,
             screened=self.screened,

@@ -1,9 +1,14 @@
-"""The tests of a choice of laws: fits to all and without each split, predictions of what is left out, and promises.
+"""The tests of a choice of laws: fits to all and without each split, predictions of what is left out, promises.
 
-A promise is the error of laws that are not simulated, by the tests linearised about the fits of other laws.
+A fit without a split starts from samples of its own and ends where its own tests lead: nothing of a fit to all tests
+reaches what it predicts. What its tests leave open is not predicted. A promise is the error of laws that are not
+simulated, by the tests linearised about the fits of other laws.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +17,23 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, by_parameter
+from mrwork.identification.equivalent import bounds_of, fitted_laws, search_box, widened
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
-from mrwork.identification.objective import NormalEquations, Objective
+from mrwork.identification.minimise.race import draw_samples
+from mrwork.identification.objective import NormalEquations, Objective, friction_limit, up_to
+from mrwork.identification.problem import box_with_free
+from mrwork.identification.settings import Race
+from mrwork.identification.sliders import Sliders
+from mrwork.records.observation import Effect
 from mrwork.uncertainty.choice.splits import Splits
 
 # Convergence of the fits: relative decrease of the squared misfit in an iteration; largest number of iterations.
 _TOLERANCE = 1e-5
 _ITERATIONS = 30
+_REFINED_TOLERANCE = 1e-6
+# Starts of a split, of which so many go on after a first descent of these iterations, to this tolerance.
+_STARTS, _GO_ON = 8, 2
+_FIRST_ITERATIONS, _FIRST_TOLERANCE = 12, 1e-3
 # Steps of the linearised fits, their damping, relative to the sensitivity of each parameter, and the step in latent
 # coordinates by which the slopes of laws are found.
 _STEPS = 3
@@ -28,12 +43,14 @@ _SMALL = 1e-4
 
 @array_dataclass()
 class FoldedFit:
-    """Parameters of each row, (n_rows, n_params), and squared NRMSE of tests by the first, (n_tests,).
+    """Parameters of each row, (n_rows, n_params), its effects, (n_rows, n_effects), and squared NRMSE of the first.
 
-    The first row is fitted to all tests, the others to those that remain without each split.
+    The first row is fitted to all tests, of which it has the squared NRMSE, (n_tests,), the others to those that remain
+    without each split.
     """
 
     theta: Floats
+    effects: Floats
     squared: Floats
 
 
@@ -52,7 +69,9 @@ class LawFolds:
     Each row of `shares`, (n_rows, n_tests), weighs the excerpts, for all tests, then without each split. They are
     linearised in the parameters of their model: the plain one at each of the `commands` or, where a command varies
     within a test, the model with every law by values at these. Any laws are curves in its parameters, shape
-    (n_rows, n_levels, n_model). `levels` has the number of the command of each test.
+    (n_rows, n_levels, n_model). `levels` has the number of the command of each test, and `remaining` the commands that
+    the tests without each split run at. Each row has its own `effects` on the recorded force: as they fit its tests, or
+    as sliders tell them from these where they are `told`.
     """
 
     whole: Objective
@@ -60,8 +79,11 @@ class LawFolds:
     shares: Floats
     commands: Floats
     levels: NDArray[np.intp]
+    remaining: tuple[Floats, ...]
     splits: Splits
     unit: CommandUnit
+    effects: tuple[Effect, ...] = ()
+    told: bool = False
 
     @property
     def model(self) -> DamperSpec:
@@ -73,26 +95,139 @@ class LawFolds:
         """Whether a command varies within a test, which then shows the laws at all commands."""
         return self.model.command_unit is not None
 
-    def fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
-        """Fit every row; rows that no simulation could start from begin at the best of the others."""
-        objective = self.excerpts.with_laws(spec)
+    def with_effects(self, effects: tuple[Effect, ...], *, told: bool) -> LawFolds:
+        """The folds of which each row has effects of its own."""
+        whole, excerpts = (
+            replace(each, compared=tuple(replace(test, free=effects) for test in each.compared))
+            for each in (self.whole, self.excerpts)
+        )
+        return replace(self, whole=whole, excerpts=excerpts, effects=effects, told=told)
 
-        def minimise(starts: Floats) -> LocalMinima:
-            return find_minima(
-                objective, box, starts, max_iterations=_ITERATIONS, tolerance=_TOLERANCE, shares=self.shares
-            )
+    def determines(self, spec: DamperSpec) -> NDArray[np.bool_]:
+        """Whether the commands of the tests without each split determine every law of a model, (n_splits,)."""
+        return np.array(
+            [all(law.is_determined_at(commands) for law in spec.laws) for commands in self.remaining],
+            dtype=np.bool_,
+        )
 
-        minima = minimise(starts)
-        failed = ~np.isfinite(minima.misfit)
+    def first_fit(self, spec: DamperSpec, box: Box, theta: Floats, effects: Floats) -> FoldedFit:
+        """Fit every row: the first from a fit to all tests, with its effects, the others from samples of their own."""
+        own, own_effects = self._from_samples(spec, box, np.arange(1, len(self.shares)))
+        return self.fit(spec, box, np.vstack([theta, own]), np.vstack([effects, own_effects]))
+
+    def fit(self, spec: DamperSpec, box: Box, starts: Floats, effects: Floats) -> FoldedFit:
+        """Fit every row; those without a split that no simulation could start from begin from samples of their own."""
+        every, wide = np.arange(len(self.shares)), np.hstack([starts, effects])
+        minima = self._descend(spec, box, wide, every)
+        theta, failed = minima.theta, ~np.isfinite(minima.misfit[1:])
         if failed.any() and not failed.all():
-            minima = minimise(np.where(failed[:, None], minima.best.theta, minima.theta))
-        (squared,) = objective.squared_nrmse(minima.theta[:1])
-        return FoldedFit(theta=minima.theta, squared=squared)
+            rows = every[1:][failed]
+            again = np.hstack(self._from_samples(spec, box, rows))
+            theta[rows] = self._descend(spec, box, again, rows).theta
+        (squared,) = self.excerpts.with_laws(spec).squared_nrmse(theta[:1])
+        n_own = starts.shape[1]
+        return FoldedFit(theta=theta[:, :n_own], effects=theta[:, n_own:], squared=squared)
 
-    def predict(self, sets: list[tuple[DamperSpec, Floats]]) -> Floats:
+    def refined(self, spec: DamperSpec, box: Box, fit: FoldedFit) -> FoldedFit:
+        """Every row of a fit to the excerpts fitted on to the whole tests."""
+        every, starts = np.arange(len(self.shares)), np.hstack([fit.theta, fit.effects])
+        minima = self._descend(
+            spec, box, starts, every, _ITERATIONS, _REFINED_TOLERANCE, objective=self.whole
+        )
+        # What the excerpts resolve the whole tests may not.
+        theta = np.where(np.isfinite(minima.misfit)[:, None], minima.theta, starts)
+        (squared,) = self.whole.with_laws(spec).squared_nrmse(theta[:1])
+        n_own = fit.theta.shape[1]
+        return FoldedFit(theta=theta[:, :n_own], effects=theta[:, n_own:], squared=squared)
+
+    def _from_samples(self, spec: DamperSpec, box: Box, rows: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Starts of rows without a split, parameters (n_rows, n_params) and effects, from samples for each.
+
+        Samples of the ranges that suit the tests that remain have constant laws, and forces at the best fit to these.
+        Local minimisations from the best of them, at first below the limit of stiffness, decide.
+        """
+        wide, plain = box_with_free(box, self.effects), spec.without_laws
+        within = Box.of(plain).with_bounds(bounds_of(box, plain.names))
+        starts = np.empty((len(rows), _STARTS, len(wide.names)))
+        for place, row in enumerate(rows.tolist()):
+            rest, effects = self._rest(spec, row), self._effects_of(row)
+            sampled = widened(search_box(plain, within, rest.tests), within)
+            constant = partial(self._constant_laws, spec, wide, effects)
+            drawn = draw_samples(
+                rest, wide, sampled, Race(), rng=rest.settings.rng, number=0, laws_of=constant
+            )
+            if not len(drawn):
+                drawn = constant(np.array([plain.nominal]))
+            # The best ones, and some of the others, which follow.
+            taken = np.linspace(0, len(drawn) - 1, _STARTS // 2).round().astype(int)
+            starts[place] = drawn[np.concatenate([np.arange(_STARTS - taken.size) % len(drawn), taken])]
+        for go_on, options in (
+            (_STARTS, (_FIRST_ITERATIONS, _FIRST_TOLERANCE)),
+            (_GO_ON, (_ITERATIONS, _TOLERANCE)),
+        ):
+            flat = starts[:, :go_on].reshape(-1, len(wide.names))
+            minima = self._descend(spec, box, flat, np.repeat(rows, go_on), *options, is_low=True)
+            order = np.argsort(minima.misfit.reshape(len(rows), go_on), axis=1, kind="stable")
+            starts = np.take_along_axis(minima.theta.reshape(len(rows), go_on, -1), order[..., None], axis=1)
+        n_own = len(box.names)
+        return starts[:, 0, :n_own], starts[:, 0, n_own:]
+
+    def _descend(
+        self,
+        spec: DamperSpec,
+        box: Box,
+        starts: Floats,
+        rows: NDArray[np.intp],
+        iterations: int = _ITERATIONS,
+        tolerance: float = _TOLERANCE,
+        *,
+        objective: Objective | None = None,
+        is_low: bool = False,
+    ) -> LocalMinima:
+        """Local minimisations from starts with effects, (n_starts, n_params + n_effects), by the tests of rows."""
+        objective, wide = (objective or self.excerpts).with_laws(spec), box_with_free(box, self.effects)
+        if is_low:
+            objective = up_to(objective, min(friction_limit(objective.tests), objective.stiffest))
+        held = np.zeros((len(rows), len(wide.free)), dtype=np.bool_)
+        if self.told:
+            held[:, len(box.free) :] = True
+        return find_minima(
+            objective,
+            wide,
+            starts,
+            max_iterations=iterations,
+            tolerance=tolerance,
+            shares=self.shares[rows],
+            held=held,
+        )
+
+    def _rest(self, spec: DamperSpec, row: int) -> Objective:
+        """The misfit of the tests of a row alone."""
+        pairs = zip(self.excerpts.with_laws(spec).compared, self.shares[row].tolist(), strict=True)
+        compared = tuple(replace(test, share=share) for test, share in pairs if share > 0.0)
+        return replace(self.excerpts, spec=spec, compared=compared)
+
+    def _effects_of(self, row: int) -> Floats:
+        """Where the effects of a row begin, (n_effects,): as sliders tell them from its tests, or next to none."""
+        if not self.told:
+            # At zero, its bound, a lag has no slope.
+            dt = self.excerpts.tests[0].dt
+            return np.array([dt if effect.of_time else 0.0 for effect in self.effects])
+        tests = [
+            test for test, share in zip(self.excerpts.tests, self.shares[row], strict=True) if share > 0.0
+        ]
+        return Sliders.of(tests).fit(self.effects).values
+
+    def _constant_laws(self, spec: DamperSpec, wide: Box, effects: Floats, plain: Floats) -> Floats:
+        """Coefficients of laws that are constant at plain parameters, (n_batch, n_plain), with effects beside them."""
+        laws = [fitted_laws(spec, self.commands, np.tile(row, (self.commands.size, 1))) for row in plain]
+        return np.asarray(wide.inside(np.hstack([laws, np.tile(effects, (len(plain), 1))])))
+
+    def predict(self, sets: list[tuple[DamperSpec, FoldedFit]]) -> Floats:
         """NRMSE of the whole tests of each split by the fits of sets of laws without them, shape (n_sets, n_pairs).
 
-        At its constant command each test is of the plain model, so that all sets are one batch. It may be infinite.
+        At its constant command each test is of the plain model, so that all sets are one batch. It may be infinite. It
+        is NaN where the tests that remain leave a law of the set open.
         """
         pairs = [
             (row, index) for row, members in enumerate(self.splits.members, start=1) for index in members
@@ -100,22 +235,32 @@ class LawFolds:
         rows, indices = np.array(pairs).T
         included = np.arange(len(self.whole.tests)) == indices[:, None]
         if self.varies:
-            parts = [self.whole.with_laws(spec).squared_nrmse(theta[rows], included) for spec, theta in sets]
+            parts = [
+                self.whole.with_laws(spec).squared_nrmse(np.hstack([fit.theta, fit.effects])[rows], included)
+                for spec, fit in sets
+            ]
             squared = np.concatenate(parts)
         else:
             commands = np.array([np.mean(test.command_in(self.unit) or 0.0) for test in self.whole.tests])
-            plain = [_plain_curves(*law_set, commands)[rows, indices] for law_set in sets]
+            plain = [
+                np.hstack([_plain_curves(spec, fit.theta, commands)[rows, indices], fit.effects[rows]])
+                for spec, fit in sets
+            ]
             squared = self.whole.squared_nrmse(np.concatenate(plain), np.tile(included, (len(sets), 1)))
-        return np.sqrt(squared.reshape(len(sets), len(pairs), -1)[:, included])
+        nrmse = np.sqrt(squared.reshape(len(sets), len(pairs), -1)[:, included])
+        is_open = np.array([~self.determines(spec) for spec, _ in sets])[:, rows - 1]
+        return np.where(is_open, np.nan, nrmse)
 
-    def linearise(self, spec: DamperSpec, theta: Floats) -> Linearised:
-        """Simulate the excerpts at the laws of each row of `theta`, with derivatives."""
+    def linearise(self, spec: DamperSpec, fit: FoldedFit) -> Linearised:
+        """Simulate the excerpts at the laws and with the effects of each row, with derivatives by the laws."""
         box, levels = Box.of(self.model), self.levels
-        here = np.asarray(box.latent_from_theta(box.inside(self._curves(spec, theta))))
+        here = np.asarray(box.latent_from_theta(box.inside(self._curves(spec, fit.theta))))
         n_rows, n_levels, n_model = here.shape
         included = np.tile(levels == np.arange(n_levels)[:, None], (n_rows, 1))
         latent = here.reshape(-1, n_model)
-        every = NormalEquations.at(self.excerpts, box, np.asarray(box.theta_from_latent(latent)), included)
+        effects = np.repeat(fit.effects, n_levels, axis=0)
+        theta = np.hstack([np.asarray(box.theta_from_latent(latent)), effects])
+        every = NormalEquations.at(self.excerpts, box, theta, included)
         every = every.by(np.exp(box.log_slope(latent))[:, :, None] * np.eye(n_model))
         own = n_levels * np.arange(n_rows)[:, None] + levels, np.arange(levels.size)
         normal = NormalEquations(

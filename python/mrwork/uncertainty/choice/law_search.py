@@ -6,10 +6,11 @@ tests promise for them when they are linearised about laws that are fitted alrea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, TypeAlias
+from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +18,15 @@ from mrwork.base.numbers import counted
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, POLYNOMIAL_FORMS, CommandLaw, CurveForm, LawName
+from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, POLYNOMIAL_FORMS, CommandLaw, LawName
 from mrwork.dampers.parameters import ParamSpec, Scale
-from mrwork.dampers.spec import DamperSpec, hidden_extrema, with_changed_laws
+from mrwork.dampers.spec import DamperSpec, least_curved, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpts, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
-from mrwork.identification.objective import Objective, observe_tests_by
+from mrwork.identification.objective import Objective
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
 from mrwork.records.observation import FREE, NONE, WEIGH, Effect
@@ -37,7 +38,43 @@ from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_fr
 from mrwork.uncertainty.choice.splits import splits_of
 
 Laws = dict[str, CommandLaw]
-_Key: TypeAlias = tuple[tuple[str, CommandLaw], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LawSet:
+    """A candidate: laws of the parameters that follow the command, and values at which constant ones are held.
+
+    Both are pairs after the name of the parameter, in the order of the names.
+    """
+
+    laws: tuple[tuple[str, CommandLaw], ...] = ()
+    held: tuple[tuple[str, float], ...] = ()
+
+    @classmethod
+    def of(cls, laws: Laws, held: Mapping[str, float] | None = None) -> LawSet:
+        """The candidate of these laws, of which constant ones are not listed, and values."""
+        following = {name: law for name, law in laws.items() if not law.is_constant}
+        return cls(tuple(sorted(following.items())), tuple(sorted((held or {}).items())))
+
+    def with_law(self, name: str, law: CommandLaw) -> LawSet:
+        """The candidate with another law of a parameter, which is then not held."""
+        held = {each: value for each, value in self.held if each != name}
+        return LawSet.of({**dict(self.laws), name: law}, held)
+
+    def holding(self, values: Mapping[str, float]) -> LawSet:
+        """The candidate with these parameters held, without laws of theirs."""
+        laws = {name: law for name, law in self.laws if name not in values}
+        return LawSet.of(laws, {**dict(self.held), **values})
+
+    def releasing(self, names: Collection[str]) -> LawSet:
+        """The candidate without holding these parameters."""
+        return LawSet.of(dict(self.laws), {name: value for name, value in self.held if name not in names})
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients beside those of a candidate of which all parameters are constant and free."""
+        return sum(law.fitted_degree for _, law in self.laws) - len(self.held)
+
 
 # Degree of the first laws.
 _FIRST_DEGREE = 2
@@ -48,6 +85,8 @@ _MOST_TRIED = 30
 _FEW_RECORDS = 3
 # Where all first laws die, the multiple of the lower end of the search at which parameters of others start at least.
 _ALIVE = 10.0
+# Times that the best and the chosen set are fitted to the whole tests, which may change which these are.
+_MOST_REFINED = 4
 # Times that neighbours of a set are tried while a set that something speaks against predicts better.
 _EXPANDED = 4
 # Single changes, the most promising ones, of which pairs are considered.
@@ -63,9 +102,10 @@ class FittedLaws:
 
     spec: DamperSpec
     box: Box
-    laws: Laws
+    laws: LawSet
     fit: FoldedFit
     row: Standing
+    is_refined: bool = False
 
     @property
     def start(self) -> Start:
@@ -73,20 +113,13 @@ class FittedLaws:
         return dict(zip(self.spec.names, self.fit.theta[0].tolist(), strict=True))
 
 
-def _first_form(parameter: ParamSpec) -> CurveForm:
-    return "log_polynomial" if parameter.is_positive else "polynomial"
-
-
-def _key_of(laws: Laws) -> _Key:
-    return tuple(sorted(laws.items()))
-
-
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class LawSearch:
     """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of tests left out.
 
     Laws near others are compared by what the `linearised` tests promise for them; both are kept by the identity of the
-    laws that they are about. The tests have the `effects` on the recorded force that were fitted with the first laws.
+    laws that they are about. Laws are fitted with those of the `effects` on the recorded force that were found with the
+    first laws; without a split they have values of their own.
     """
 
     plain: DamperSpec
@@ -100,8 +133,8 @@ class LawSearch:
     report: Callable[[str], None] = lambda task: None
     fitted: list[FittedLaws] = field(default_factory=list)
     linearised: dict[int, Linearised] = field(default_factory=dict)
-    promised: dict[tuple[int, _Key], float] = field(default_factory=dict)
-    models: dict[_Key, tuple[DamperSpec, Box]] = field(default_factory=dict)
+    promised: dict[tuple[int, LawSet], float] = field(default_factory=dict)
+    models: dict[LawSet, tuple[DamperSpec, Box]] = field(default_factory=dict)
     effects: dict[Effect, float] = field(default_factory=dict)
 
     @property
@@ -121,7 +154,7 @@ class LawSearch:
         return replace(self.settings, observe=words or (NONE,))
 
     @property
-    def first_laws(self) -> Laws:
+    def first_laws(self) -> LawSet:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         return self._laws_of("log")
 
@@ -132,37 +165,42 @@ class LawSearch:
         self.models.clear()
 
     def take_effects(self, first: Fit) -> None:
-        """Go on with the effects on the recorded force that were fitted with the first laws."""
+        """Go on with the effects on the recorded force that were found with the first laws."""
         if first.effects:
             self.effects = first.effect_values
-            whole, excerpts = (
-                observe_tests_by(each, [test.observation for test in self.observed(each.tests)])
-                for each in (self.folds.whole, self.folds.excerpts)
-            )
-            self.folds, self.tests = replace(self.folds, whole=whole, excerpts=excerpts), excerpts.tests
+            told = not first.varied_effects
+            self.folds = self.folds.with_effects(tuple(self.effects), told=told)
 
-    def observed(self, tests: Sequence[DamperTest]) -> tuple[DamperTest, ...]:
+    def effects_of(self, laws: FittedLaws) -> dict[Effect, float]:
+        """The effects on the recorded force that were fitted with laws to all tests."""
+        return dict(zip(self.effects, laws.fit.effects[0].tolist(), strict=True))
+
+    def observed(self, tests: Sequence[DamperTest], laws: FittedLaws) -> tuple[DamperTest, ...]:
         """The tests with these effects."""
-        given = {effect.field: value for effect, value in self.effects.items()}
+        given = {effect.field: value for effect, value in self.effects_of(laws).items()}
         return tuple(replace(test, observation=replace(test.observation, **given)) for test in tests)
 
-    def _laws_of(self, *scales: Scale) -> Laws:
-        laws = {
-            parameter.name: CommandLaw(min(_FIRST_DEGREE, self.most), form=_first_form(parameter))
-            for parameter in self.plain.parameters
-            if parameter.scale in scales and parameter.name in self.free
-        }
-        return dict(sorted(laws.items()))
+    def _laws_of(self, *scales: Scale) -> LawSet:
+        degree = min(_FIRST_DEGREE, self.most)
+        return LawSet.of(
+            {
+                parameter.name: CommandLaw(
+                    degree, form="log_polynomial" if parameter.is_positive else "polynomial"
+                )
+                for parameter in self.plain.parameters
+                if parameter.scale in scales and parameter.name in self.free
+            }
+        )
 
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`, until the neighbours of the frontier are tried."""
-        starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds.splits.splits), axis=0)
-        self._fit_laws([self.first_laws], [starts])
+        theta, effects = np.array([first.theta]), np.array([[*self.effects.values()]])
+        self._fit_laws([self.first_laws], lambda spec, box: self.folds.first_fit(spec, box, theta, effects))
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(self.fitted[0], wider)
         if all(fitted.row.remarks for fitted in self.fitted):
             self._revive(self.fitted[-1])
-        expanded: list[Laws] = []
+        expanded: list[LawSet] = []
         while len(self.fitted) < _MOST_TRIED:
             often = 1 if self._is_best_sound() else _EXPANDED
             left = [fitted for fitted in self.frontier() if expanded.count(fitted.laws) < often]
@@ -177,19 +215,27 @@ class LawSearch:
             expanded.append(current.laws)
             if proposals := self._proposals(current):
                 self._move_to(current, *proposals)
-        # Of a law that has an extremum between the commands, the form that has none.
+        for _ in range(_MOST_REFINED):
+            rough = [fitted for fitted in self.frontier()[:2] if not fitted.is_refined]
+            for fitted in dict.fromkeys(rough):
+                self._refine(fitted)
+        # Of a law that no test tells from others through the same values, the least curved one without an extremum.
         for number, fitted in enumerate(self.fitted):
-            extrema = hidden_extrema(fitted.spec, fitted.fit.theta[0], self.folds.commands.tolist())
-            instead = {extremum.parameter: extremum.instead for extremum in extrema if extremum.instead}
-            self.fitted[number] = self.in_other_form(fitted, instead)
+            best = least_curved(fitted.spec, fitted.fit.theta[0], self.folds.commands.tolist())
+            self.fitted[number] = self.in_other_form(fitted, best)
 
     def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
         """The candidate with laws through the same values, except where such a law changes the force of a test."""
-        laws = fitted.laws | {
-            name: CommandLaw(law.fitted_degree, form=law.form) if law.form in POLYNOMIAL_FORMS else law
-            for name, law in instead.items()
-            if name in fitted.laws and self.is_through_all(law)
-        }
+        own = dict(fitted.laws.laws)
+        laws = LawSet.of(
+            own
+            | {
+                name: CommandLaw(law.fitted_degree, form=law.form) if law.form in POLYNOMIAL_FORMS else law
+                for name, law in instead.items()
+                if name in own and self.is_through_all(law)
+            },
+            dict(fitted.laws.held),
+        )
         spec, box = self.model(laws)
         row = replace(fitted.row, laws=self._texts(laws))
         return replace(fitted, spec=spec, box=box, laws=laws, row=row)
@@ -213,15 +259,19 @@ class LawSearch:
         Where a shape follows the command, too, it may take over what a damping does at the tested velocities.
         """
         names = [parameter.name for parameter in self.plain.parameters if parameter.scales_with_force]
-        laws = {name: law for name, law in self.first_laws.items() if name in names}
+        laws = {name: law for name, law in self.first_laws.laws if name in names}
         searched = search_box(self.plain, Box.of(self.plain), self.tests)
         least = dict(zip(searched.names, _ALIVE * np.array(searched.lower), strict=True))
-        while laws:
-            spec, box = self.model(laws)
+
+        def from_alive(spec: DamperSpec, box: Box) -> FoldedFit:
             lower = [least.get(parameter.plain_name, 0.0) for parameter in spec.parameters]
             starts = self.transfer_starts(dead, spec, box)
             starts = np.where(box.log, np.maximum(starts, lower), starts)
-            self._fit_laws([laws], [np.asarray(box.inside(np.minimum(starts, box.upper)))])
+            starts = np.asarray(box.inside(np.minimum(starts, box.upper)))
+            return self.folds.fit(spec, box, starts, dead.fit.effects)
+
+        while laws:
+            self._fit_laws([LawSet.of(laws)], from_alive)
             alive = self.fitted[-1]
             dying = {limit.parameter for limit in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
             if not dying & set(laws):
@@ -245,59 +295,68 @@ class LawSearch:
                 sets.append(fitted)
         return sets
 
-    def _proposals(self, current: FittedLaws) -> list[Laws]:
+    def _proposals(self, current: FittedLaws) -> list[LawSet]:
         """Laws near the present ones that are not tried yet, by the errors that a linearised model promises.
 
-        The most promising change of one law or two; the same of those with fewer parameters; and the end of a chain of
-        simpler laws, each the most promising one after the one before, while no more is lost than is negligible.
+        The most promising change of one parameter or two; the same of those with fewer coefficients, and of those with
+        no more; and the end of a chain of simpler laws, each the most promising one after the one before, while no more
+        is lost than is negligible.
         """
         promised = partial(self._promised, current)
-        done = [fitted.laws for fitted in self.fitted]
-        single = self._changes(current.laws)
+        done, here = {fitted.laws for fitted in self.fitted}, current.laws
+        single = self._changes(here)
         if not single:
             return []
-        order = [single[index] for index in np.argsort(promised([laws for _, laws in single]), kind="stable")]
-        pairs = [
-            {each: law for each, law in (laws | {name: other.get(name)}).items() if law}
-            for index, (_, laws) in enumerate(order[:_PAIRED])
-            for name, other in order[:index]
-            if laws.get(name) == current.laws.get(name)
+        order = [
+            single[index] for index in np.argsort(promised([change.laws for change in single]), kind="stable")
         ]
-        near = [laws for laws in [*(laws for _, laws in order), *pairs] if laws not in done]
-        proposals = list[Laws]()
+        richer = [change for change in order if change.laws.size > here.size]
+        others = [change for change in order if change.laws.size <= here.size]
+        # What one parameter gives up another may take.
+        both = [
+            *((one, other) for number, one in enumerate(order[:_PAIRED]) for other in order[:number]),
+            *product(richer[:_PAIRED], others[:_PAIRED]),
+        ]
+        pairs = [one.after(other) for one, other in both if not one.names & other.names]
+        near = list(
+            dict.fromkeys(laws for laws in [*(each.laws for each in order), *pairs] if laws not in done)
+        )
+        proposals = dict[LawSet, None]()
         errors = promised(near) if near else np.empty(0)
-        count = np.array([self._count(laws) for laws in near])
-        for allowed in (np.ones(len(near), dtype=np.bool_), count < self._count(current.laws)):
+        size = np.array([laws.size for laws in near])
+        for allowed in (np.ones(len(near), dtype=np.bool_), size <= here.size, size < here.size):
             if allowed.any():
-                best = near[int(np.argmin(np.where(allowed, errors, np.inf)))]
-                if best not in proposals:
-                    proposals.append(best)
-        (here,) = promised([current.laws])
-        chain = current.laws
-        while simpler := [laws for _, laws in self._changes(chain) if self._count(laws) < self._count(chain)]:
+                proposals[near[int(np.argmin(np.where(allowed, errors, np.inf)))]] = None
+        (now,) = promised([here])
+        chain = here
+        while simpler := [change.laws for change in self._changes(chain) if change.laws.size < chain.size]:
             errors = promised(simpler)
-            if 100.0 * (errors.min() - here) > NEGLIGIBLE:
+            if 100.0 * (errors.min() - now) > NEGLIGIBLE:
                 break
             chain = simpler[int(np.argmin(errors))]
-        if chain not in done and chain not in proposals:
-            proposals.append(chain)
-        return proposals
+        if chain not in done:
+            proposals[chain] = None
+        return [*proposals]
 
-    def _promised(self, current: FittedLaws, candidates: Sequence[Laws]) -> Floats:
+    def _promised(self, current: FittedLaws, candidates: Sequence[LawSet]) -> Floats:
         """Errors of predictions that laws near the current ones promise; each is found once."""
-        keys = [(id(current), _key_of(laws)) for laws in candidates]
-        new = [laws for key, laws in zip(keys, candidates, strict=True) if key not in self.promised]
+        keys = [(id(current), laws) for laws in candidates]
+        new = list(
+            dict.fromkeys(
+                laws for key, laws in zip(keys, candidates, strict=True) if key not in self.promised
+            )
+        )
         if new:
             work = partial(interruptible, partial(self._promise, current, new))
             errors = self.call.array("promise", work, current.fit.theta, new)
             self.promised |= {
-                (id(current), _key_of(laws)): error for laws, error in zip(new, errors.tolist(), strict=True)
+                (id(current), laws): error for laws, error in zip(new, errors.tolist(), strict=True)
             }
         return np.array([self.promised[key] for key in keys])
 
-    def _promise(self, current: FittedLaws, candidates: Sequence[Laws]) -> Floats:
+    def _promise(self, current: FittedLaws, candidates: Sequence[LawSet]) -> Floats:
         if id(current) not in self.linearised:
-            self.linearised[id(current)] = self.folds.linearise(current.spec, current.fit.theta)
+            self.linearised[id(current)] = self.folds.linearise(current.spec, current.fit)
         about = self.linearised[id(current)]
         models = map(self.model, candidates)
         return np.array(
@@ -307,91 +366,137 @@ class LawSearch:
             ]
         )
 
-    def _changes(self, laws: Laws) -> list[tuple[str, Laws]]:
-        """Laws of which one has another degree by one or another form, with the parameter that it is of."""
-        changed = []
+    def _changes(self, laws: LawSet) -> list[_Change]:
+        """Changes of one parameter: another law of it, or a value at which it is held, or holding it no longer."""
+        of, held = dict(laws.laws), dict(laws.held)
+        changes = list[_Change]()
         for parameter in self.plain.parameters:
-            if parameter.name not in self.free:
-                continue
-            law = laws.get(parameter.name, CONSTANT)
-            degree, form = law.fitted_degree, law.form if law.degree else _first_form(parameter)
-            wanted = [(degree - 1, form), (degree + 1, form)]
-            if (
-                parameter.is_positive
-                and degree > 0
-                and (self.folds.varies or degree < len(self.folds.commands) - 1)
-            ):
-                wanted += [(degree, other) for other in POLYNOMIAL_FORMS if other != form]
-            changed += [
-                (parameter.name, self._with_law(laws, parameter.name, CommandLaw(other_degree, form=other)))
-                for other_degree, other in wanted
-                if 0 <= other_degree <= self.most
-            ]
-        return changed
+            if parameter.name in self.free and parameter.name not in held:
+                changes += [
+                    _Change(laws, laws.with_law(parameter.name, law), frozenset({parameter.name}))
+                    for law in self._other_laws(parameter, of.get(parameter.name, CONSTANT))
+                ]
+        for values in self._values_to_hold():
+            names = frozenset(values)
+            if names <= held.keys():
+                changes.append(_Change(laws, laws.releasing(names), names))
+            elif not names & of.keys():
+                changes.append(_Change(laws, laws.holding(values), names))
+        return changes
 
-    def _reversed(self, laws: Laws) -> Laws:
+    def _other_laws(self, parameter: ParamSpec, law: CommandLaw) -> list[CommandLaw]:
+        """Laws of one coefficient less or more, and of as many in other forms where tests tell these apart."""
+        count, commands = law.n_coefficients, self.folds.commands
+        found = list[CommandLaw]()
+        for number in (count - 1, count, count + 1):
+            forms = laws_of_size(parameter, number) if 1 <= number <= self.most + 1 else []
+            through_all = number == len(commands) and not self.folds.varies
+            if number == count and through_all:
+                continue
+            # Forms through all commands are alike to the tests.
+            found += forms[:1] if through_all else forms
+        return [other for other in found if other != law]
+
+    def _values_to_hold(self) -> list[dict[str, float]]:
+        """Values without which a model is simpler: no offset, no spring, an exponent of one."""
+        plain = {
+            parameter.name: parameter for parameter in self.plain.parameters if parameter.name in self.free
+        }
+        spring = [self.plain.parameters[index].name for index in self.plain.spring_indices or ()]
+        values = list[dict[str, float]]()
+        for name, parameter in plain.items():
+            if name in spring[:1]:
+                # Without a stiffness its free length has no effect.
+                if set(spring) <= plain.keys():
+                    values.append(dict.fromkeys(spring, 0.0))
+            elif parameter.scale == "linear" and parameter.lower < 0.0 < parameter.upper:
+                values.append({name: 0.0})
+            elif parameter.unit == "1" and parameter.lower == 1.0:
+                values.append({name: 1.0})
+        return values
+
+    def _reversed(self, laws: LawSet) -> LawSet:
         """The laws with each polynomial through logarithms in place of values, or the reverse, if tests show it."""
         positive = {parameter.name for parameter in self.plain.parameters if parameter.is_positive}
         reverse = dict(zip(POLYNOMIAL_FORMS, reversed(POLYNOMIAL_FORMS), strict=True))
         instead = {
             name: CommandLaw(law.fitted_degree, form=reverse[law.form])
-            for name, law in laws.items()
+            for name, law in laws.laws
             if law.form in reverse and name in positive
         }
-        return laws | {name: law for name, law in instead.items() if not self.is_through_all(law)}
+        shown = {name: law for name, law in instead.items() if not self.is_through_all(law)}
+        return LawSet.of(dict(laws.laws) | shown, dict(laws.held))
 
-    def _with_law(self, laws: Laws, name: str, law: CommandLaw) -> Laws:
-        """The laws with another one; constant ones are not listed."""
-        return {key: entry for key, entry in sorted((laws | {name: law}).items()) if not entry.is_constant}
+    def _texts(self, laws: LawSet) -> dict[str, LawName]:
+        return {name: str(law) for name, law in (self.given | dict(laws.laws)).items()}
 
-    def _count(self, laws: Laws) -> int:
-        """Number of law coefficients beyond the constant ones, which all sets of laws have."""
-        return sum(law.fitted_degree for law in laws.values())
-
-    def _texts(self, laws: Laws) -> dict[str, LawName]:
-        return {name: str(law) for name, law in (self.given | laws).items()}
-
-    def _move_to(self, current: FittedLaws, *proposals: Laws) -> None:
+    def _move_to(self, current: FittedLaws, *proposals: LawSet) -> None:
         """Fit proposed laws from starts that are transferred from the fit of the current laws."""
-        starts = []
-        for laws in proposals:
-            spec, box = self.model(laws)
-            starts.append(self.transfer_starts(current, spec, box))
-        self._fit_laws(proposals, starts)
 
-    def _fit_laws(self, proposals: Sequence[Laws], starts: Sequence[Floats]) -> None:
+        def from_current(spec: DamperSpec, box: Box) -> FoldedFit:
+            return self.folds.fit(spec, box, self.transfer_starts(current, spec, box), current.fit.effects)
+
+        self._fit_laws(proposals, from_current, current.fit.theta)
+
+    def _fit_laws(
+        self, proposals: Sequence[LawSet], fit: Callable[[DamperSpec, Box], FoldedFit], *inputs: object
+    ) -> None:
         """Fit sets of laws to all tests and without each split, and predict the tests left out by all of them."""
         models, fits = [self.model(laws) for laws in proposals], list[FoldedFit]()
-        for laws, (spec, box), start in zip(proposals, models, starts, strict=True):
-            self.report(f"fitting {laws_in_words(laws)}")
-            work = partial(interruptible, partial(self.folds.fit, spec, box, start))
-            fits.append(self.call.step("laws", FoldedFit, work, box, start))
-        theta, boxes = [fit.theta for fit in fits], [box for _, box in models]
-        sets = [(spec, fit.theta) for (spec, _), fit in zip(models, fits, strict=True)]
+        for laws, (spec, box) in zip(proposals, models, strict=True):
+            self.report(f"fitting {laws_in_words(dict(laws.laws))}")
+            work = partial(interruptible, partial(fit, spec, box))
+            fits.append(self.call.step("laws", FoldedFit, work, box, *inputs))
+        self.fitted += self._judged(proposals, fits)
+
+    def _judged(
+        self, proposals: Sequence[LawSet], fits: Sequence[FoldedFit], *, is_refined: bool = False
+    ) -> list[FittedLaws]:
+        """Sets of laws with their fits, and the rows of the ranking by what these predict."""
+        models = [self.model(laws) for laws in proposals]
+        boxes = [box for _, box in models]
+        sets = [(spec, each) for (spec, _), each in zip(models, fits, strict=True)]
         predict = partial(interruptible, partial(self.folds.predict, sets))
-        predicted = self.call.array("predictions", predict, boxes, theta)
-        ends = np.cumsum([len(members) for members in self.folds.splits.members])[:-1]
-        for laws, (spec, box), fit, nrmse in zip(proposals, models, fits, predicted, strict=True):
+        predicted = self.call.array("predictions", predict, boxes, [each.theta for each in fits])
+        ends, judged = (
+            np.cumsum([len(members) for members in self.folds.splits.members])[:-1],
+            list[FittedLaws](),
+        )
+        for laws, (spec, box), each, nrmse in zip(proposals, models, fits, predicted, strict=True):
             row = Standing(
                 model=self.name,
                 title=self.plain.title,
                 laws=self._texts(laws),
+                held=dict(laws.held),
                 n_params=len(box.free),
-                fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared))), NOT_PREDICTED)),
+                fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(each.squared))), NOT_PREDICTED)),
             )
-            row = row.scored(np.split(nrmse, ends), self.folds.splits, spec, fit.theta[0], self.tests)
-            self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, row=row))
+            row = row.scored(np.split(nrmse, ends), self.folds.splits, spec, each.theta[0], self.tests)
+            judged.append(FittedLaws(spec=spec, box=box, laws=laws, fit=each, row=row, is_refined=is_refined))
+        return judged
 
-    def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
+    def _refine(self, fitted: FittedLaws) -> None:
+        """Fit a set on to the whole tests, so that its errors are those of fits to these."""
+        self.report(f"refining {laws_in_words(dict(fitted.laws.laws))}")
+        work = partial(interruptible, partial(self.folds.refined, fitted.spec, fitted.box, fitted.fit))
+        fit = self.call.step("refined", FoldedFit, work, fitted.box, fitted.fit.theta, fitted.fit.effects)
+        (refined,) = self._judged([fitted.laws], [fit], is_refined=True)
+        self.fitted[self.fitted.index(fitted)] = refined
+
+    def model(self, laws: LawSet) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
-        if (key := _key_of(laws)) not in self.models:
+        if laws not in self.models:
             spec = with_changed_laws(
                 self.plain.with_current_laws({}, unit=self.folds.unit, lagged=self.folds.model.lagged),
-                laws_at(self.given | laws, self.folds.commands),
+                laws_at(self.given | dict(laws.laws), self.folds.commands),
             )
-            form = identifiable_form(spec, self.settings.bounds)
-            self.models[key] = spec, joint_box(form, self.tests, self.folds.commands)
-        return self.models[key]
+            form = identifiable_form(spec, self.bounds_of(laws))
+            self.models[laws] = spec, joint_box(form, self.tests, self.folds.commands)
+        return self.models[laws]
+
+    def bounds_of(self, laws: LawSet) -> dict[str, tuple[float, float]]:
+        """The bounds of a fit of these laws, with what they hold."""
+        return {**self.settings.bounds, **{name: (value, value) for name, value in laws.held}}
 
     def transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Floats:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
@@ -399,6 +504,34 @@ class LawSearch:
             with_other_laws(current.spec, theta, spec, self.folds.commands) for theta in current.fit.theta
         ]
         return np.asarray(box.inside(np.array(rows)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """A change of the parameters `names` from one candidate to another."""
+
+    before: LawSet
+    laws: LawSet
+    names: frozenset[str]
+
+    def after(self, other: _Change) -> LawSet:
+        """The candidate with both changes, of other parameters."""
+        own, changed = self.laws, other.laws
+        laws = {name: law for name, law in own.laws if name not in other.names}
+        laws |= {name: law for name, law in changed.laws if name in other.names}
+        held = {name: value for name, value in own.held if name not in other.names}
+        held |= {name: value for name, value in changed.held if name in other.names}
+        return LawSet.of(laws, held)
+
+
+def laws_of_size(parameter: ParamSpec, number: int) -> list[CommandLaw]:
+    """Laws of a parameter with a number of coefficients, polynomials through values first."""
+    if number == 1:
+        return [CONSTANT]
+    laws = [CommandLaw(number - 1)] if number - 1 <= MOST_DEGREE else []
+    if parameter.is_positive:
+        laws += [replace(law, form="log_polynomial") for law in laws]
+    return laws
 
 
 def prepare_search(
@@ -442,11 +575,15 @@ def prepare_search(
     tested = CommandedTests.of(spec, short)
     tested.refuse_few()
     commands = tested.commands
-    splits = replace(splits_of(tests, leave_out), parts=parts)
+    splits = replace(splits_of(tests, leave_out, between_commands=True), parts=parts)
     # A split beyond the rest keeps a test at every command, and lowers no degree.
-    rests = zip(splits.splits, rests_of(short, splits.members), strict=True)
+    remaining = tuple(CommandedTests.of(spec, rest).commands for rest in rests_of(short, splits.members))
     n_levels = min(
-        (len(CommandedTests.of(spec, rest).commands) for split, rest in rests if not split.beyond),
+        (
+            len(levels)
+            for split, levels in zip(splits.splits, remaining, strict=True)
+            if split.kind == "inside"
+        ),
         default=len(commands),
     )
     most = min(MOST_DEGREE, n_levels - 1)
@@ -455,15 +592,18 @@ def prepare_search(
             f"the tests run at {counted(len(commands), 'command')}, {n_levels} without those left out; laws are chosen "
             f"from tests at two or more: add tests, or give the laws, as in mrwork identify FILES {typed}"
         )
-    linear, levels = plain, np.zeros(len(short), dtype=np.intp)
+    linear, of_test = plain, np.zeros(len(short), dtype=np.intp)
     if varies:
         # Every law that is tried is one through values at these, in its logarithms or nearly.
         degree = min(MOST_DEGREE, len(commands) - 1)
         commands = np.array(CommandLaw(degree).at_commands(commands.tolist()).nodes)
-        full = {each.name: CommandLaw(degree, form=_first_form(each)) for each in plain.parameters}
+        full = {
+            each.name: CommandLaw(degree, form="log_polynomial" if each.is_positive else "polynomial")
+            for each in plain.parameters
+        }
         linear = plain.with_current_laws(laws_at(full, commands), unit=unit, lagged=lagged)
     else:
-        levels = np.searchsorted(commands, tested.set_points)
+        of_test = np.searchsorted(commands, tested.set_points)
     excerpts = Objective.of(spec, short, settings, threads=threads)
     shares = np.tile(excerpts.shares, (1 + splits.n_splits, 1))
     for row, members in enumerate(splits.members, start=1):
@@ -473,7 +613,8 @@ def prepare_search(
         excerpts=excerpts.with_laws(linear),
         shares=shares / shares.sum(axis=1, keepdims=True),
         commands=commands,
-        levels=levels,
+        levels=of_test,
+        remaining=remaining,
         splits=splits,
         unit=unit,
     )

@@ -35,7 +35,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.choose import Choice, Choosing, refuse_unknown, select_known
-from mrwork.uncertainty.choice.law_search import FittedLaws, Laws, LawSearch, prepare_search
+from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, LawSet, prepare_search
 from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.choice.screening import compared_models
@@ -65,7 +65,9 @@ class _ChoosingLaws(Choosing):
     def evaluate(self, search: LawSearch) -> None:
         """Fit the first laws of a model, then try their neighbours; one of several models may fail."""
         with self._failing_alone(search):
-            first = self._fit_alone(search, search.first_laws, "first laws", search.first_settings)
+            first = self._fit_alone(
+                search, search.first_laws, "first laws", search.first_settings, search.tests
+            )
             self.firsts[search.name] = first
             # Else the laws make up for what moves with the damper, or comes late.
             search.take_effects(first)
@@ -101,15 +103,22 @@ class _ChoosingLaws(Choosing):
         return nullcontext() if len(self.searches) == 1 else self.recording_failure(search.name)
 
     def _fit_alone(
-        self, search: LawSearch, laws: Laws, what: str, settings: FitSettings, near: Start | None = None
+        self,
+        search: LawSearch,
+        laws: LawSet,
+        what: str,
+        settings: FitSettings,
+        tests: tuple[DamperTest, ...],
+        near: Start | None = None,
     ) -> Fit:
         """The fit of laws to the excerpts by a search of their own, which begins `near` one if that is given."""
         spec, _ = search.model(laws)
+        settings = replace(settings, bounds=search.bounds_of(laws))
 
         def fit(journal: Journal | None) -> Fit:
             return identify_with(
                 spec,
-                search.tests,
+                tests,
                 settings,
                 threads=self.threads,
                 on_progress=partial(self._report, search, what),
@@ -130,12 +139,14 @@ class _ChoosingLaws(Choosing):
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         if laws.laws == search.first_laws:
             return laws.start, alone.trace, doubt
-        alone = self._fit_alone(search, laws.laws, "chosen laws", search.excerpt_settings, laws.start)
+        tests = search.observed(search.tests, laws)
+        alone = self._fit_alone(search, laws.laws, "chosen laws", search.excerpt_settings, tests, laws.start)
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         near, own = 0.0, np.inf
         if alone.spec.names == laws.spec.names:
             objective = search.folds.excerpts.with_laws(laws.spec)
-            near, own = objective(np.array([laws.fit.theta[0], alone.theta])).tolist()
+            rows = np.array([laws.fit.theta[0], alone.theta])
+            near, own = objective(np.hstack([rows, laws.fit.effects[[0, 0]]])).tolist()
         if max(near, own) <= same_minimum(min(near, own)):
             return laws.start, alone.trace, ""
         if near < own:
@@ -161,7 +172,7 @@ class _ChoosingLaws(Choosing):
         return identify_with(
             laws.spec,
             self.tests,
-            replace(search.settings, starts=(start,)),
+            replace(search.settings, starts=(start,), bounds=search.bounds_of(laws.laws)),
             threads=self.threads,
             on_progress=partial(self._report, search, "all tests"),
             journal=journal,
@@ -172,8 +183,9 @@ class _ChoosingLaws(Choosing):
 
     def _fit_to_excerpts(self, search: LawSearch, laws: FittedLaws, status: FitStatus = "converged") -> Fit:
         """Laws as they were fitted to the excerpts, with their quality on the whole tests."""
-        settings = search.settings.with_effects(search.effects)
-        problem = Problem.of(laws.spec, search.observed(self.tests), settings, threads=self.threads)
+        bounded = replace(search.settings, bounds=search.bounds_of(laws.laws))
+        settings = bounded.with_effects(search.effects_of(laws))
+        problem = Problem.of(laws.spec, search.observed(self.tests, laws), settings, threads=self.threads)
         trace = self.firsts[search.name].trace
         return fit_at(
             problem,
@@ -247,7 +259,9 @@ class _ChoosingLaws(Choosing):
 
     def _fitted(self, standing: Standing) -> tuple[LawSearch, FittedLaws]:
         search = self.searches[standing.model]
-        return search, next(laws for laws in search.fitted if laws.row.laws == standing.laws)
+        return search, next(
+            laws for laws in search.fitted if (laws.row.laws, laws.row.held) == (standing.laws, standing.held)
+        )
 
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         errors = [laws.row.error for laws in self.fitted_laws]

@@ -21,14 +21,14 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Column, Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import CommandLaw, LawName
+from mrwork.dampers.laws import CommandLaw, LawName, law_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import FAR_BETTER, NEGLIGIBLE, STATUS_IN_WORDS
 from mrwork.identification.result import MANY, BuildingCost
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.objections import objections_to
-from mrwork.uncertainty.choice.splits import Splits
+from mrwork.uncertainty.choice.splits import Split, Splits
 
 # The chosen one is provisional where one that failed has an error on all tests below this share of its.
 _PROVISIONAL = 0.5
@@ -40,11 +40,14 @@ _RULES = (
     "Inside: tests that lie between those that remain. Beyond: the fastest, slowest and largest motions, each left out "
     "with every test at or beyond it. Both are means over motions, with a standard error, of the geometric mean of the "
     "NRMSE of their tests. A test that cannot be predicted counts as 0 %.",
+    "Between: the same of the tests at each constant command that lies between others, predicted without all tests at "
+    "it. It has no value where the commands that remain do not determine the candidate.",
     "Behind: the difference to the best, paired motion by motion, with its standard error. A candidate is as good as "
     "the best within one standard error of it, no more than that of the best itself, or within "
-    f"{NEGLIGIBLE:g} points; of those one that takes fewer than {MANY} integration steps a sample in a building is "
+    f"{NEGLIGIBLE:g} points, and, where both have a value there, as good between the commands as the best of those; of "
+    f"those one that takes fewer than {MANY} integration steps a sample in a building is "
     "chosen, of these the one with the fewest parameters, or another one as simple that predicts as well as it and has "
-    f"less than {FAR_BETTER:g} of its error on all tests.",
+    f"less than {FAR_BETTER:g} of its error on all tests. Of those as simple polynomials through values come first.",
     "Unusable: a law vanishes or leaves its range within the tested commands, or has an extremum between them that no "
     "test shows, the force falls beyond the tested velocities, or no building can be simulated with it. Such a "
     "candidate is not chosen while others are left.",
@@ -103,6 +106,10 @@ class Standing:
     steps: float | None = None
     is_costly: bool = False
     same_as: str = ""
+    between: tuple[float, ...] = ()
+    between_percent: float | None = None
+    held: dict[str, float] = field(default_factory=dict)
+    predicted: tuple[tuple[float | None, ...], ...] = ()
 
     @classmethod
     def of(cls, model: DamperSpec, *, reason: str = "") -> Standing:
@@ -120,16 +127,19 @@ class Standing:
     ) -> Standing:
         """The candidate with the NRMSE of what each split predicts, infinite where that could not be simulated.
 
-        Of its parameters on all tests, shape (n_params,), it has what they cost in a building, and what speaks against.
+        It is NaN where the split leaves the candidate open. Of its parameters on all tests, shape (n_params,), it has
+        what they cost in a building, and what speaks against.
         """
         left_out = [np.minimum(errors, NOT_PREDICTED) for errors in nrmse]
         single = np.concatenate(left_out)
+        single = single[np.isfinite(single)]
+        between = splits.between(left_out)
         inside, outside = (None if mean is None else 100.0 * (1.0 - mean) for mean in splits.means(left_out))
         failed = {
             splits.tests[index].name: None
             for members, errors in zip(splits.members, nrmse, strict=True)
             for index, error in zip(members, errors, strict=False)
-            if not np.isfinite(error)
+            if np.isinf(error)
         }
         cost = BuildingCost.of(spec, theta, tests)
         return replace(
@@ -140,6 +150,11 @@ class Standing:
             median_percent=100.0 * (1.0 - float(np.median(single))),
             worst_percent=100.0 * (1.0 - float(single.max())),
             not_predicted=tuple(failed),
+            between=tuple(between.tolist()),
+            between_percent=100.0 * (1.0 - float(np.mean(between))) if between.size else None,
+            predicted=tuple(
+                tuple(None if np.isnan(error) else error for error in errors.tolist()) for errors in left_out
+            ),
             steps=cost.steps if cost.is_possible else None,
             is_costly=cost.is_high,
             remarks=tuple(objections_to(spec, theta, tests, cost)),
@@ -156,19 +171,25 @@ class Standing:
         return float(np.mean(self.left_out))
 
     @property
+    def n_unusual(self) -> int:
+        """Number of laws that are no polynomials through values."""
+        return sum(law_of(law).form != "polynomial" for law in self.laws.values())
+
+    @property
     def is_chosen(self) -> bool:
         """Whether the candidate is chosen, if only provisionally."""
         return self.verdict in ("chosen", "provisional")
 
     @property
     def laws_in_words(self) -> str:
-        """Each law after the name of its parameter, in one line; "all constant" without laws."""
-        return laws_in_words(self.laws)
+        """Each law after the name of its parameter, in one line, then what is held; "all constant" without laws."""
+        held = [f"{name} = {value:g}" for name, value in self.held.items()]
+        return ", ".join([laws_in_words(self.laws), *held])
 
     @property
     def in_words(self) -> str:
         """The model with its laws, if any follow from the choice."""
-        return f"{self.title} ({self.laws_in_words})" if self.laws else self.title
+        return f"{self.title} ({self.laws_in_words})" if self.laws or self.held else self.title
 
     @property
     def left_out_in_words(self) -> str:
@@ -227,6 +248,7 @@ _COLUMNS = (
     _percent("left_out_error", words="standard error of the fit to what was left out"),
     _percent("inside_percent", "inside", words="fit to what lies inside the tests that remained"),
     _percent("outside_percent", "beyond", words="fit to what lies beyond the tests that remained"),
+    _percent("between_percent", "between", words="fit to what lies between the commands that remained"),
     _percent("left_out_behind", words="difference to the best in the fit to what was left out"),
     Column("", "behind", "%", of=attrgetter("behind_in_words")),
     _percent("left_out_behind_error", words="standard error of that difference"),
@@ -310,28 +332,34 @@ def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing, 
     Another one as simple, which predicts as well as the simplest and fits all tests far better, is chosen in its place:
     predictions of what few folds leave out hardly tell apart what all tests do.
     """
-    good = [candidate for candidate in ordered if _is_as_good(candidate, ordered[0])]
+    good = [candidate for candidate in ordered if _is_as_good(candidate.left_out, ordered[0].left_out)]
+    between = min((each.between for each in good if each.between), key=np.mean, default=())
+    good = [each for each in good if not each.between or _is_as_good(each.between, between)]
     as_simple = attrgetter("is_costly", "n_params")
-    simplest = min(good, key=as_simple)
+
+    def in_order(candidate: Standing) -> tuple[object, ...]:
+        return (*as_simple(candidate), not candidate.between, candidate.n_unusual)
+
+    simplest = min(good, key=in_order)
     better = [
         candidate
         for candidate in ordered
         if as_simple(candidate) == as_simple(simplest)
         and _is_better(candidate, simplest, FAR_BETTER)
-        and _is_as_good(candidate, simplest)
+        and _is_as_good(candidate.left_out, simplest.left_out)
     ]
     return good, simplest, max(better, key=attrgetter("fit_percent"), default=simplest)
 
 
-def _is_as_good(candidate: Standing, best: Standing) -> bool:
+def _is_as_good(errors: Sequence[float], best: Sequence[float]) -> bool:
     """Whether the mean errors of what was left out differ by no more than a standard error, or negligibly.
 
     The error of the difference is limited to the error of the best: a candidate that fails on one test has a large one.
     """
-    percent, best_percent = 100.0 * np.array(candidate.left_out), 100.0 * np.array(best.left_out)
+    percent, best_percent = 100.0 * np.array(errors), 100.0 * np.array(best)
     difference = percent - best_percent
-    errors = [error for error in map(error_of_mean, (difference, best_percent)) if error is not None]
-    return float(difference.mean()) <= max(min(errors, default=0.0), NEGLIGIBLE)
+    spreads = [error for error in map(error_of_mean, (difference, best_percent)) if error is not None]
+    return float(difference.mean()) <= max(min(spreads, default=0.0), NEGLIGIBLE)
 
 
 def _is_better(candidate: Standing, other: Standing, share: float) -> bool:
@@ -363,8 +391,9 @@ class Ranking(WithAxes, Summarised):
 
     `chosen` is provisional, as its standing says, where a candidate that could not predict fits all tests far better.
     Where laws were chosen, `unit` is of the command and `given` are laws that were not chosen; an interrupt also
-    leaves further laws untried, so that the ranking is not `complete`. The `screened` families were compared before,
-    with constant parameters.
+    leaves further laws untried, so that the ranking is not `complete`. `splits` are of the `tests`, by
+    name: each candidate has its errors of what they leave out, `predicted`. The `screened` families were compared
+    before, with constant parameters.
     """
 
     chosen: str
@@ -378,6 +407,8 @@ class Ranking(WithAxes, Summarised):
     given: dict[str, LawName] = field(default_factory=dict)
     complete: bool = True
     screened: tuple[Standing, ...] = ()
+    tests: tuple[str, ...] = ()
+    splits: tuple[Split, ...] = ()
 
     @classmethod
     def of(cls, candidates: Sequence[Standing], **facts: Any) -> Ranking:

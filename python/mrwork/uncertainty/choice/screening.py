@@ -25,7 +25,7 @@ from mrwork.identification.batch import JournalOf, with_journal
 from mrwork.identification.equivalent import identifiable_form, search_box, widened
 from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.minimise.level_search import unlike_tests
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.race import draw_samples
 from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.settings import FitSettings, Race
@@ -52,8 +52,9 @@ _BETTER_FAMILY = RemarkKind(
 _SAME_MODEL = RemarkKind("model_not_listed", "{0} is not listed: it is {1} in other parameters")
 # Most tests of a command, those on which starting points are drawn, and cycles of an excerpt.
 _PER_COMMAND, _DRAWN_ON, _CYCLES = 6, 2, 2
-# Starts at each command, most iterations of a fit, and the decrease of the squared misfit that ends it.
-_STARTS, _ITERATIONS, _TOLERANCE = 8, 16, 1e-4
+# Starts at each command, and of each fit without a split there; most iterations, and the decrease of the squared misfit
+# that ends a fit.
+_STARTS, _STARTS_OF_SPLIT, _ITERATIONS, _TOLERANCE = 8, 3, 16, 1e-4
 
 
 @array_dataclass()
@@ -105,34 +106,42 @@ class Screening:
         objective = Objective.of(spec, self.excerpts, self.settings, threads=self.threads)
         objective = up_to(objective, min(friction_limit(self.excerpts), objective.stiffest))
 
-        def fits(starts: Floats, included: NDArray[np.bool_]) -> LocalMinima:
-            shares = included / included.sum(axis=1, keepdims=True)
-            return find_minima(
-                objective, box, starts, max_iterations=_ITERATIONS, tolerance=_TOLERANCE, shares=shares
-            )
-
-        tests = [[self.excerpts[index] for index in np.flatnonzero(is_at)] for is_at in self.at_level]
+        left_out = self.splits.left_out
+        # At each command a fit to its tests, and one without each split, which predicts what is left out there.
+        fitted, predicted = self.at_level[:, None] & ~left_out, self.at_level[:, None] & left_out
+        pairs = fitted.any(axis=2) & predicted.any(axis=2)
+        rows = np.concatenate([self.at_level, fitted[pairs]])
+        counts = np.repeat([_STARTS, _STARTS_OF_SPLIT], [len(self.at_level), len(rows) - len(self.at_level)])
         starts = list[Floats]()
-        for at_command in tests:
-            few = objective.on(spec, unlike_tests(at_command, _DRAWN_ON))
+        for included, count in zip(rows, counts.tolist(), strict=True):
+            tests = [self.excerpts[index] for index in np.flatnonzero(included)]
+            few = objective.on(spec, unlike_tests(tests, _DRAWN_ON))
             wide = widened(search_box(spec, box, few.tests), box)
             drawn = draw_samples(few, box, wide, Race(), rng=self.settings.rng, number=0)
             if not len(drawn):
                 return Standing.of(spec, reason="it could not be simulated")
-            starts.append(np.resize(drawn, (_STARTS, len(box.names))))
-        minima = fits(np.concatenate(starts), np.repeat(self.at_level, _STARTS, axis=0))
-        best = minima.misfit.reshape(-1, _STARTS).argmin(axis=1)
-        theta = minima.theta[best + _STARTS * np.arange(len(best))]
-        # At each command a fit without each split, which predicts what is left out there.
-        left_out = self.splits.left_out
-        fitted, predicted = self.at_level[:, None] & ~left_out, self.at_level[:, None] & left_out
-        rows = fitted.any(axis=2) & predicted.any(axis=2)
-        minima = fits(np.repeat(theta[:, None], len(left_out), axis=1)[rows], fitted[rows])
+            starts.append(drawn[np.arange(count) % len(drawn)])
+        shares = rows / rows.sum(axis=1, keepdims=True)
+        minima = find_minima(
+            objective,
+            box,
+            np.concatenate(starts),
+            max_iterations=_ITERATIONS,
+            tolerance=_TOLERANCE,
+            shares=np.repeat(shares, counts, axis=0),
+        )
+        ends = np.cumsum(counts)
+        best = [
+            first + int(np.argmin(minima.misfit[first:last]))
+            for first, last in zip(ends - counts, ends, strict=True)
+        ]
+        theta = minima.theta[best]
+        tests = [self.excerpts[index] for index in np.flatnonzero(self.at_level[-1])]
         squared = np.full(fitted.shape, np.inf)
-        squared[rows] = objective.squared_nrmse(minima.theta, predicted[rows])
+        squared[pairs] = objective.squared_nrmse(theta[len(self.at_level) :], predicted[pairs])
         nrmse = np.sqrt(squared.min(axis=0))
         errors = [nrmse[number, members] for number, members in enumerate(self.splits.members)]
-        row = Standing.of(spec).scored(errors, self.splits, spec, theta[-1], tests[-1])
+        row = Standing.of(spec).scored(errors, self.splits, spec, theta[len(self.at_level) - 1], tests)
         return replace(row, status="converged", remarks=())
 
 

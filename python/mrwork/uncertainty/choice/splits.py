@@ -1,15 +1,18 @@
-"""Splits of tests for a choice: what lies inside the tests that remain is predicted, and what lies beyond them.
+"""Splits of tests for a choice: what lies inside the tests that remain, beyond them, and between their commands.
 
 A motion that is left out mostly lies between others; a building goes beyond the tested ones. So the fastest, the
 slowest and the largest motions are left out as well, each with every test at or beyond it. The error of a choice is the
 mean of both kinds with equal weights: what share of its time a damper spends beyond its tests is not known, and of all
-weights equal ones have the least error in the worst case.
+weights equal ones have the least error in the worst case. What a law is between commands is told by tests at a command
+that is left out between others: they decide among candidates that are as good otherwise, as far as the rest determines
+these.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +23,7 @@ from mrwork.base.values import Floats
 from mrwork.identification.fit import Fit
 from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import set_points
+from mrwork.records.damper_test import command_groups
 from mrwork.uncertainty.bands.prediction import (
     IN_WORDS,
     LATER_CYCLES,
@@ -33,6 +36,9 @@ from mrwork.uncertainty.bands.prediction import (
     predict_test,
     rests_of,
 )
+
+Kind = Literal["inside", "beyond", "between"]
+"""Where the tests lie that a split leaves out: inside those that remain, beyond them, or between their commands."""
 
 # Weight of what lies beyond the tests that remain, in the mean error.
 _OUTSIDE = 0.5
@@ -49,10 +55,20 @@ _KEPT = RemarkKind("extreme_not_left_out", "the {0} motion is not left out with 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Split:
-    """Indices of the tests that are left out together; `beyond` says of what they are the end, empty if of nothing."""
+    """Indices of the tests that are left out together.
+
+    `beyond` says of what they are the end, empty if of nothing; `between` whether they are all tests at a command that
+    lies between others.
+    """
 
     members: tuple[int, ...]
     beyond: tuple[str, ...] = ()
+    between: bool = False
+
+    @property
+    def kind(self) -> Kind:
+        """Where what is predicted lies."""
+        return "between" if self.between else "beyond" if self.beyond else "inside"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,10 +126,11 @@ class Splits:
         """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from the errors of each split.
 
         Of the tests of a unit in a split the NRMSE has its geometric mean, in which relative changes weigh the same.
+        What lies between commands does not count.
         """
         if self.fold is None:
             return np.concatenate(nrmse)
-        inside, outside = self._kinds(nrmse)
+        inside, outside = self._of("inside", nrmse), self._of("beyond", nrmse)
         weights = (1.0 - _OUTSIDE, _OUTSIDE) if inside and outside else (1.0, 1.0)
         n_units = len(set(self.units))
         total = np.zeros(n_units)
@@ -126,24 +143,35 @@ class Splits:
         """Mean errors inside and outside of the tests that remain, `None` where there is no such split."""
         if self.fold is None:
             return None, None
-        inside, outside = (float(np.mean([*kind.values()])) if kind else None for kind in self._kinds(nrmse))
+        inside, outside = (
+            float(np.mean([*of_kind.values()])) if of_kind else None
+            for of_kind in (self._of("inside", nrmse), self._of("beyond", nrmse))
+        )
         return inside, outside
 
-    def _kinds(self, nrmse: Sequence[Floats]) -> tuple[dict[int, float], dict[int, float]]:
-        """Error of each unit inside and outside of the tests that remain."""
-        kinds: tuple[dict[int, list[float]], dict[int, list[float]]] = ({}, {})
+    def between(self, nrmse: Sequence[Floats]) -> Floats:
+        """Errors of each unit between commands, (n_units,); empty where no such split is predicted whole."""
+        errors = np.array([*self._of("between", nrmse).values()])
+        return errors if np.isfinite(errors).all() else np.empty(0)
+
+    def _of(self, kind: Kind, nrmse: Sequence[Floats]) -> dict[int, float]:
+        """Error of each unit in the splits of a kind, of what is predicted there."""
+        of_kind: dict[int, list[float]] = {}
         for split, errors in zip(self.splits, nrmse, strict=True):
             units = np.array([self.units[index] for index in split.members])
-            kind = kinds[bool(split.beyond)]
-            for unit in sorted(set(units.tolist())):
+            for unit in sorted(set(units.tolist())) if split.kind == kind else ():
                 mean = np.log(np.maximum(errors[units == unit], _EXACT)).mean()
-                kind.setdefault(unit, []).append(float(np.exp(mean)))
-        inside, outside = ({unit: float(np.mean(means)) for unit, means in kind.items()} for kind in kinds)
-        return inside, outside
+                of_kind.setdefault(unit, []).append(float(np.exp(mean)))
+        return {unit: float(np.mean(means)) for unit, means in of_kind.items()}
 
 
-def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
-    """Splits of the tests by `fold`, or the default one, and those beyond the rest, which keep every command."""
+def splits_of(
+    tests: Sequence[DamperTest], fold: Fold | None = None, *, between_commands: bool = False
+) -> Splits:
+    """Splits of the tests by `fold`, or the default one, and those beyond the rest, which keep every command.
+
+    With those `between_commands` each constant command that lies between others is left out as well.
+    """
     if len(tests) == 1:
         later = (Split(members=(1,)),)
         return Splits(
@@ -154,7 +182,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
     motions = groups_of(tests, "motion")
     by_motion = len(motions) >= _MOTIONS
     remarks = [*alike_tests(tests)]
-    levels = [set_points(test) for test in tests]
+    levels = command_groups(tests)
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
     for end, size in _ENDS.items() if by_motion else ():
         sizes = np.array([size(test) for test in tests])
@@ -172,17 +200,28 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
             ends[members] = (*ends.get(members, ()), end)
             continue
         remarks.append(_KEPT.remark(end, reason))
-    inside = [members for fold in folds if (members := tuple(sorted(fold))) not in ends]
+    inside = [members for each in folds if (members := tuple(sorted(each))) not in ends]
+    between = _between_commands(tests, levels) if between_commands and fold != "command" else []
     return Splits(
         tests=tuple(tests),
         splits=(
             *(Split(members=members) for members in inside),
             *(Split(members=members, beyond=beyond) for members, beyond in ends.items()),
+            *(Split(members=members, between=True) for members in between),
         ),
         units=_units(motions if by_motion else folds, len(tests)),
         fold=fold,
         remarks=tuple(remarks),
     )
+
+
+def _between_commands(tests: Sequence[DamperTest], levels: Sequence[int]) -> list[tuple[int, ...]]:
+    """The tests at each constant command but the lowest and the highest, where no command varies."""
+    if any(test.has_varying_command or not test.commands for test in tests):
+        return []
+    members = [tuple(np.flatnonzero(np.equal(levels, level)).tolist()) for level in sorted(set(levels))]
+    members.sort(key=lambda group: float(np.mean(tests[group[0]].commands[0].values)))
+    return members[1:-1]
 
 
 def default_fold(tests: Sequence[DamperTest]) -> Fold:
