@@ -31,6 +31,9 @@ LAWS: Mapping[str, tuple[float, ...]] = {
     "quadratic:0.5,1,1.5": (170.0, 300.0, 400.0),
     "straight:0,0.4,2.5": (30.0, 150.0, 600.0),
     "straight_log:0,0.4,2.5": (30.0, 150.0, 600.0),
+    "monotone:0,0.4,2.5": (30.0, 150.0, 600.0),
+    "exponential:0,2": (20.0, 500.0, 0.8),
+    "tanh:0.4,2": (150.0, 500.0, 0.8),
 }
 
 
@@ -64,6 +67,7 @@ def test_a_group_by_another_law_has_the_forces_of_its_curve(lagged: bool) -> Non
         "log_linear:0,1": (20.0, 320.0),
         "linear:0,2": (20.0, 620.0),
         "straight:0,0.5,2": (20.0, 170.0, 620.0),
+        "monotone:0,0.5,2": (20.0, 170.0, 620.0),
         "cubic": (20.0, 300.0, 0.0, 0.0),
     }
     for law, coefficients in others.items():

@@ -18,11 +18,14 @@ from mrwork.twins.record_arrays import RecordArrays
 
 LAWS = (
     "linear",
-    "straight:0,0.5,1",
+    "tanh:0.2,1",
     "log_quadratic:0,0.5,1",
+    "monotone:0,0.3,0.6,1",
+    "straight:0,0.5,1",
     "straight_log:0,0.5,1",
     "quadratic",
     "linear:0.2,0.8",
+    "exponential:0,1",
     "cubic",
     "exponential",
 )
@@ -40,7 +43,7 @@ def with_laws(spec, *, lagged=False):
 
 
 def theta_of(model):
-    """A fifth more of each followed parameter per ampere, a twentieth of curvature, -1 1/A in the exponents."""
+    """A fifth more of each followed parameter per ampere, a twentieth of curvature, -1 in exponents, 1.5 in rates."""
     values = []
     base = 0.0
     for parameter in model.parameters:
@@ -50,8 +53,8 @@ def theta_of(model):
             values.append(base)
         elif place.command is not None:
             values.append(parameter.nominal * (1.0 + 0.2 * place.command + 0.05 * place.command**2))
-        elif place.is_exponent:
-            values.append(-1.0)
+        elif place.is_rate:
+            values.append(1.5 if parameter.is_positive else -1.0)
         else:
             values.append(base * {1: 0.2, 2: 0.05, 3: -0.05}[place.number])
     return np.array(values)
@@ -181,7 +184,7 @@ def test_a_coefficient_names_its_parameter_and_number() -> None:
         (each.coefficient.parameter, each.coefficient.number) for each in model.parameters if each.coefficient
     ]
     assert places == [("k_w", 0), ("k_w", 1), ("k_w", 2), ("rho", 0), ("rho", 1), ("rho", 2)]
-    assert [each.name for each in model.parameters if each.coefficient and each.coefficient.is_exponent] == [
+    assert [each.name for each in model.parameters if each.coefficient and each.coefficient.is_rate] == [
         "rho.2"
     ]
     assert [each.plain_name for each in model.parameters if each.coefficient is None] == ["f0", "eta"]

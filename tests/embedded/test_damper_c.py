@@ -22,6 +22,11 @@ LAWS: dict[str, tuple[str, dict[str, str], float]] = {
     "polynomials": ("bingham", {"f_c": "linear", "c0": "quadratic"}, 0.0),
     "values": ("normalised_bouc_wen", {"c": "linear:0,2.25", "k_w": "log_quadratic:0,1,2.25"}, 0.0),
     "lines": ("normalised_bouc_wen", {"k_w": "straight:0,1,2.25", "rho": "exponential"}, 1.5),
+    "saturating": (
+        "normalised_bouc_wen",
+        {"c": "exponential:0.5,2.25", "k_w": "tanh:0,2.25", "rho": "monotone:0,0.5,1,2.25"},
+        0.0,
+    ),
     "general exponent": ("modified_bouc_wen", {"c0": "linear", "alpha": "cubic"}, 1.7),
 }
 _SHARES = {"exponential": (0.5, 0.3, -0.5), "linear": (0.4, 0.3), "quadratic": (0.4, 0.3, -0.03)}
@@ -47,6 +52,8 @@ def with_laws(case: str, *, lagged: bool) -> tuple[mr.DamperSpec, Floats]:
             value, law = nominal.get(parameter.plain_name, 190.0), laws.get(parameter.plain_name, "")
             if law in _SHARES:
                 value *= _SHARES[law][int(parameter.name.rpartition(".")[2])]
+            elif parameter.coefficient is not None and parameter.coefficient.is_rate:
+                value = parameter.nominal
             elif law and parameter.coefficient is not None:
                 value *= 0.3 + 0.4 * float(parameter.coefficient.command or 0.0)
             yield value

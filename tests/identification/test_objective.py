@@ -86,9 +86,9 @@ def test_jacobian_of_current_laws_over_several_tests(test: DamperTest) -> None:
 
 
 LAWS = {
-    "c": "linear",
+    "c": "monotone:0,0.5,0.8,1",
     "k": "linear:0,1",
-    "k_w": "log_quadratic:0,0.5,1",
+    "k_w": "tanh:0,1",
     "rho": "straight_log:0,0.4,1",
     "sigma": "exponential",
 }

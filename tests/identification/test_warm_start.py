@@ -67,6 +67,17 @@ def test_a_raised_law_starts_where_the_lower_one_ended(fit: Fit) -> None:
     np.testing.assert_allclose(now, then, rtol=0, atol=1e-9 * np.ptp(then))
 
 
+@pytest.mark.parametrize("law", ["tanh:0,1", "exponential:0.2,1", "monotone:0,0.5,1"])
+def test_a_law_by_values_starts_on_the_curve_of_another_one(fit: Fit, law: mr.dampers.LawName) -> None:
+    model = BOUC_WEN.with_current_laws({**LAWS, "k_w": law})
+    start, commands = start_from(fit, model), np.linspace(0.2, 1.0, 9)
+    own = np.array([start[each.name] for each in model.parameters if each.plain_name == "k_w"])
+    line = values(fit)["k_w.0"] + values(fit)["k_w.1"] * commands
+    # The straightest curve that saturates is within .7 % of its rise.
+    off = model.laws_by_name["k_w"].values(own, commands) - line
+    assert np.max(np.abs(off)) <= 0.007 * np.ptp(line) + 1e-9 * np.max(line)
+
+
 def test_given_starts_stand_after_those_that_were_found(tests: tuple[mr.DamperTest, ...], fit: Fit) -> None:
     raised = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
     settings = FitSettings(search=BARELY, bounds={"n": (1.0, 1.2)}, rng=1)

@@ -295,11 +295,11 @@ def test_a_law_that_is_given_is_warned_of_its_extremum_with_the_form_that_has_no
     assert "give k_w=quadratic:0,0.5,1.5" in told.message
 
 
-def test_straight_lines_take_the_place_of_two_forms_with_an_extremum() -> None:
+def test_monotone_cubics_take_the_place_of_two_forms_with_an_extremum() -> None:
     spec = mr.damper("viscous_dahl").with_current_laws({"rho": "log_quadratic:0,0.5,1.5"}, unit="A")
     theta = [800.0, 600.0, 5400.0, 930.0, 430.0, 20.0]
     (found,) = hidden_extrema(spec, theta, (0.0, 0.5, 1.5))
-    assert str(found.instead) == "straight_log:0,0.5,1.5"
+    assert str(found.instead) == "monotone:0,0.5,1.5"
 
 
 @pytest.mark.parametrize(

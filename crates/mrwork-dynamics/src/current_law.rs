@@ -2,13 +2,15 @@
 
 use crate::damper::model::DamperSpec;
 use crate::dual::Dual;
-use crate::elementary::{exp, ln};
+use crate::elementary::{exp, ln, tanh};
 use crate::error::DynamicsError;
 use crate::parameters::{ParamSpec, Scale};
-use crate::real::{OutOfLine, Real};
+use crate::real::{OutOfLine, Real, where_positive};
 
 /// Largest number of commands at which a law may have values.
 pub const MOST_NODES: usize = 8;
+/// Denominators of a law that saturates are at least this: far below its commands they round to zero.
+const LEAST_DENOMINATOR: f64 = 1e-300;
 
 /// One parameter as a function of the current `u` [A or V].
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +29,10 @@ pub enum CurrentLaw {
     Values(Nodes),
     /// Values at several commands, and the curve through their logarithms if the scale of the parameter is logarithmic.
     Logarithms(Nodes),
+    /// Values at several commands, and the cubics through them that are monotone where the values are.
+    Monotone(Nodes),
+    /// Values at two commands, a rate, and the curve through the values that saturates.
+    Saturating(Saturation),
 }
 
 impl CurrentLaw {
@@ -43,6 +49,11 @@ impl CurrentLaw {
             Self::Quadratic => "quadratic",
             Self::Cubic => "cubic",
             Self::Exponential => "exponential",
+            Self::Monotone(_) => "monotone",
+            Self::Saturating(saturation) => match saturation.shape {
+                Saturating::Exponential => "exponential",
+                Saturating::Tanh => "tanh",
+            },
             Self::Logarithms(nodes) => match nodes.count {
                 _ if nodes.straight => "straight_log",
                 2 => "log_linear",
@@ -58,7 +69,7 @@ impl CurrentLaw {
         }
     }
 
-    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1`, `log_linear:0,1` or `straight:0,0.5,1`.
+    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1`, `log_linear:0,1`, `monotone:0,0.5,1` or `tanh:0,1`.
     ///
     /// # Errors
     /// If there is no such law, or its commands are not as many rising numbers as it takes.
@@ -68,8 +79,13 @@ impl CurrentLaw {
             return Self::NAMED.into_iter().find(|law| law.name() == name).ok_or_else(unknown);
         };
         let commands: Result<Vec<f64>, _> = commands.split(',').map(|text| text.trim().parse()).collect();
-        let nodes = commands.ok().and_then(|commands| Nodes::at(&commands)).ok_or_else(unknown)?;
+        let commands = commands.map_err(|_| unknown())?;
+        let nodes = Nodes::at(&commands).ok_or_else(unknown)?;
+        let saturating = |shape| Self::Saturating(Saturation::at(&commands, shape));
         match (law, nodes.count) {
+            ("exponential", 2) => Ok(saturating(Saturating::Exponential)),
+            ("tanh", 2) => Ok(saturating(Saturating::Tanh)),
+            ("monotone", _) => Ok(Self::Monotone(nodes)),
             ("linear", 2) | ("quadratic", 3) | ("cubic", 4) => Ok(Self::Values(nodes)),
             ("log_linear", 2) | ("log_quadratic", 3) | ("log_cubic", 4) => Ok(Self::Logarithms(nodes)),
             ("straight", _) => Ok(Self::Values(nodes.with_straight_lines())),
@@ -84,9 +100,20 @@ impl CurrentLaw {
         match self {
             Self::Constant => 1,
             Self::Linear => 2,
-            Self::Quadratic | Self::Exponential => 3,
+            Self::Quadratic | Self::Exponential | Self::Saturating(_) => 3,
             Self::Cubic => 4,
-            Self::Values(nodes) | Self::Logarithms(nodes) => nodes.count,
+            Self::Values(nodes) | Self::Logarithms(nodes) | Self::Monotone(nodes) => nodes.count,
+        }
+    }
+
+    /// Number of prepared numbers beyond those that take the places of the coefficients.
+    #[inline(always)]
+    const fn n_further(&self) -> usize {
+        match self {
+            // A slope at each node, and two coefficients of each piece between them.
+            Self::Monotone(nodes) => nodes.count + 2 * (nodes.count - 1),
+            Self::Saturating(_) => 1,
+            _ => 0,
         }
     }
 
@@ -98,20 +125,31 @@ impl CurrentLaw {
             Self::Linear => Some(1),
             Self::Quadratic => Some(2),
             Self::Cubic => Some(3),
-            Self::Exponential | Self::Values(_) | Self::Logarithms(_) => None,
+            Self::Exponential
+            | Self::Values(_)
+            | Self::Logarithms(_)
+            | Self::Monotone(_)
+            | Self::Saturating(_) => None,
         }
     }
 
-    /// What [`Self::value`] takes in place of the coefficients; worked out once, it saves the logarithms of every step.
+    /// What [`Self::value`] takes in place of the coefficients, and [`Self::n_further`] numbers; worked out once, it saves
+    /// the logarithms and quotients of every step.
     #[inline(always)]
-    fn prepare<R: Real>(&self, coefficients: &mut [R], scale: Scale) {
-        let (Self::Values(nodes) | Self::Logarithms(nodes)) = self else { return };
-        if self.takes_logarithms(scale) {
-            for value in &mut *coefficients {
-                *value = ln(*value);
+    fn prepare<R: Real>(&self, coefficients: &mut [R], further: &mut Vec<R>, scale: Scale) {
+        match self {
+            Self::Values(nodes) | Self::Logarithms(nodes) => {
+                if self.takes_logarithms(scale) {
+                    for value in &mut *coefficients {
+                        *value = ln(*value);
+                    }
+                }
+                nodes.prepare(coefficients);
             }
+            Self::Monotone(nodes) => nodes.prepare_pieces(coefficients, further),
+            Self::Saturating(saturation) => saturation.prepare(coefficients, further),
+            Self::Constant | Self::Linear | Self::Quadratic | Self::Cubic | Self::Exponential => {}
         }
-        nodes.prepare(coefficients);
     }
 
     /// Whether it interpolates logarithms of a parameter of this scale.
@@ -120,15 +158,22 @@ impl CurrentLaw {
         matches!(self, Self::Logarithms(_)) && scale == Scale::Log
     }
 
-    /// The parameter at `u` from prepared coefficients; not a number for a wrong number of them.
+    /// The parameter at `u` from prepared coefficients and the further numbers; not a number for a wrong number of them.
     #[inline(always)]
-    fn value<R: Real>(&self, prepared: &[R], u: R, scale: Scale) -> R {
+    fn value<R: Real>(&self, prepared: &[R], further: &[R], u: R, scale: Scale) -> R {
+        if further.len() != self.n_further() {
+            return R::splat(f64::NAN);
+        }
         let (offset, factor, exponent) = match (self, prepared) {
             (Self::Constant, &[a]) => return a,
             (Self::Linear, &[a, b]) => return b.mul_add(u, a),
             (Self::Quadratic, &[a, b, c]) => return c.mul_add(u, b).mul_add(u, a),
             (Self::Cubic, &[a, b, c, d]) => return d.mul_add(u, c).mul_add(u, b).mul_add(u, a),
             (Self::Exponential, &[a, b, c]) => (a, b, c * u),
+            (Self::Monotone(nodes), values) if values.len() == nodes.count => {
+                return nodes.monotone(values, further, u);
+            }
+            (Self::Saturating(saturation), prepared) => return saturation.value(prepared, further, u),
             (Self::Values(nodes) | Self::Logarithms(nodes), prepared) if prepared.len() == nodes.count => {
                 let curve = nodes.value(prepared, u);
                 if !self.takes_logarithms(scale) {
@@ -142,10 +187,10 @@ impl CurrentLaw {
         factor.mul_add(exp(exponent), offset)
     }
 
-    /// The parameter at `u` from prepared coefficients, limited to its range where it depends on the command.
+    /// The parameter at `u` from prepared numbers, limited to its range where it depends on the command.
     #[inline(always)]
-    fn limited_value<R: Real>(&self, prepared: &[R], u: R, parameter: &ParamSpec) -> R {
-        let free = self.value(prepared, u, parameter.scale);
+    fn limited_value<R: Real>(&self, prepared: &[R], further: &[R], u: R, parameter: &ParamSpec) -> R {
+        let free = self.value(prepared, further, u, parameter.scale);
         if matches!(self, Self::Constant) {
             return free;
         }
@@ -257,6 +302,146 @@ impl Nodes {
         }
         slope.mul_add(t - inside, value)
     }
+
+    /// Appends the slopes at the nodes and the second and third coefficients of the cubic from each node to the next.
+    ///
+    /// The slopes are those of Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300: harmonic means of the
+    /// slopes to either side, zero at an extremum of the values; at the ends those of the parabola, limited.
+    #[inline(always)]
+    fn prepare_pieces<R: Real>(&self, values: &[R], further: &mut Vec<R>) {
+        let count = self.count;
+        let (mut widths, mut secants) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for piece in 0..count - 1 {
+            let width = self.places[piece + 1] - self.places[piece];
+            widths.push(width);
+            secants.push((values[piece + 1] - values[piece]) * R::splat(1.0 / width));
+        }
+        let mut slopes = Vec::with_capacity(count);
+        if count == 2 {
+            slopes.push(secants[0]);
+            slopes.push(secants[0]);
+        } else {
+            slopes.push(end_slope([widths[0], widths[1]], [secants[0], secants[1]]));
+            for node in 1..count - 1 {
+                let (before, after) = (secants[node - 1], secants[node]);
+                let share_before = 2.0 * widths[node] + widths[node - 1];
+                let share_after = widths[node] + 2.0 * widths[node - 1];
+                let both = after.mul_add(R::splat(share_before), before * R::splat(share_after));
+                let product = before * after;
+                let mean = product * R::splat(share_before + share_after) / both;
+                slopes.push(where_positive(product, mean));
+            }
+            let last = count - 2;
+            slopes.push(end_slope([widths[last], widths[last - 1]], [secants[last], secants[last - 1]]));
+        }
+        further.extend_from_slice(&slopes);
+        for piece in 0..count - 1 {
+            let per_width = 1.0 / widths[piece];
+            // How far the slopes at its ends lie above its own.
+            let (start, end) = (slopes[piece] - secants[piece], slopes[piece + 1] - secants[piece]);
+            further.push((start + start + end) * R::splat(-per_width));
+            further.push((start + end) * R::splat(per_width * per_width));
+        }
+    }
+
+    /// The monotone cubics at `u`, beyond the nodes their tangents.
+    #[inline(always)]
+    fn monotone<R: Real>(&self, values: &[R], further: &[R], u: R) -> R {
+        let (slopes, higher) = further.split_at(self.count);
+        let zero = R::splat(0.0);
+        let t = (u - R::splat(self.centre)) * R::splat(self.per_half);
+        let (mut start, mut value, mut slope) = (R::splat(self.places[0]), values[0], slopes[0]);
+        let (mut second, mut third) = (zero, zero);
+        for node in 0..self.count {
+            let place = R::splat(self.places[node]);
+            // At a node its own value counts, to the bit.
+            let before = t.less(place);
+            start = R::select(before, start, place);
+            value = R::select(before, value, values[node]);
+            slope = R::select(before, slope, slopes[node]);
+            // Beyond the last node there is no cubic.
+            let own =
+                if node + 1 < self.count { [higher[2 * node], higher[2 * node + 1]] } else { [zero; 2] };
+            second = R::select(before, second, own[0]);
+            third = R::select(before, third, own[1]);
+        }
+        let along = t - start;
+        third.mul_add(along, second).mul_add(along, slope).mul_add(along, value)
+    }
+}
+
+/// Slope at an end from the widths and slopes of the piece there and of its neighbour: that of the parabola, zero where
+/// it has the other sign, and at most three times that of the piece.
+#[inline(always)]
+fn end_slope<R: Real>([width, next_width]: [f64; 2], [own, next]: [R; 2]) -> R {
+    let next_share = -width / (width + next_width);
+    let parabola = own.mul_add(R::splat(1.0 - next_share), next * R::splat(next_share));
+    let rising = where_positive(parabola * own, parabola);
+    let most = own * R::splat(3.0);
+    R::select(most.abs().less(rising.abs()), most, rising)
+}
+
+/// Shape of a law that saturates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Saturating {
+    /// A part of `1 - exp(-c u)`.
+    Exponential,
+    /// A part of `tanh(c u)`.
+    Tanh,
+}
+
+/// Values at two commands, a rate c, and the curve of that shape through the values.
+///
+/// p = p0 + (p1 - p0) w(u)/w(u1) with w = t/(1 + s t): t = tanh(c (u - u0)) and s = tanh(c u0) for a hyperbolic tangent,
+/// t = tanh(c (u - u0)/2) and s = 1 for an exponential. No nearly equal numbers are subtracted, whatever the rate: as it
+/// goes to zero the curve becomes the straight line, digit by digit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Saturation {
+    shape: Saturating,
+    first: f64,
+    span: f64,
+}
+
+impl Saturation {
+    /// Through values at the first and the last of rising commands.
+    fn at(commands: &[f64], shape: Saturating) -> Self {
+        let ends = commands.first().zip(commands.last());
+        let (first, span) = ends.map_or((0.0, f64::NAN), |(&first, &last)| (first, last - first));
+        Self { shape, first, span }
+    }
+
+    /// Replaces the values and the rate by p0, the factor of w and that of u in t; appends s.
+    #[inline(always)]
+    fn prepare<R: Real>(&self, coefficients: &mut [R], further: &mut Vec<R>) {
+        let &mut [first, ref mut last, ref mut rate] = coefficients else { return };
+        let start = match self.shape {
+            Saturating::Exponential => {
+                *rate = *rate * R::splat(0.5);
+                R::splat(1.0)
+            }
+            Saturating::Tanh => tanh(*rate * R::splat(self.first)),
+        };
+        let way = tanh(*rate * R::splat(self.span));
+        *last = (*last - first) * way.mul_add(start, R::splat(1.0)) / way;
+        further.push(start);
+    }
+
+    /// The curve at `u` from prepared numbers.
+    #[inline(always)]
+    fn value<R: Real>(&self, prepared: &[R], further: &[R], u: R) -> R {
+        let (&[first, rise, rate], &[start]) = (prepared, further) else { return R::splat(f64::NAN) };
+        let way = tanh(rate * (u - R::splat(self.first)));
+        let denominator = R::splat(LEAST_DENOMINATOR).max(way.mul_add(start, R::splat(1.0)));
+        rise.mul_add(way / denominator, first)
+    }
+}
+
+/// A parameter, the first column of its law, and the place of the first further number that is prepared from them.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    parameter: usize,
+    column: usize,
+    further: usize,
 }
 
 /// The current laws of all parameters of a model, and whether the driver has a lag.
@@ -269,8 +454,8 @@ pub struct CurrentLaws {
     parameters: &'static [ParamSpec],
     laws: Vec<CurrentLaw>,
     lagged: bool,
-    /// Parameters that depend on the command, and the first column of each.
-    following: Vec<(usize, usize)>,
+    /// Parameters that depend on the command.
+    following: Vec<Place>,
     /// Whether each parameter depends on the command.
     follows: Vec<bool>,
 }
@@ -295,12 +480,14 @@ impl CurrentLaws {
             return Err(DynamicsError::LawCount { model: spec.name, found, expected });
         }
         let follows: Vec<bool> = laws.iter().map(|law| !matches!(law, CurrentLaw::Constant)).collect();
-        let (mut following, mut first) = (Vec::new(), 0);
+        let (mut following, mut column) = (Vec::new(), 0);
+        let mut further = laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() + usize::from(lagged);
         for (parameter, law) in laws.iter().enumerate() {
             if follows[parameter] {
-                following.push((parameter, first));
+                following.push(Place { parameter, column, further });
             }
-            first += law.n_coefficients();
+            column += law.n_coefficients();
+            further += law.n_further();
         }
         Ok(Self { parameters: spec.parameters, laws, lagged, following, follows })
     }
@@ -309,6 +496,11 @@ impl CurrentLaws {
     #[must_use]
     pub fn n_columns(&self) -> usize {
         self.laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() + usize::from(self.lagged)
+    }
+
+    /// Number of prepared columns: those of `theta`, and further numbers behind them.
+    pub(crate) fn n_prepared(&self) -> usize {
+        self.n_columns() + self.laws.iter().map(CurrentLaw::n_further).sum::<usize>()
     }
 
     /// Number of parameters of the model.
@@ -360,40 +552,46 @@ impl CurrentLaws {
             .map(|&coefficient| Dual::constant(coefficient))
             .collect();
         own[column - first].tangents = [1.0];
-        law.prepare(&mut own, parameter.scale);
-        law.limited_value(&own, Dual::constant(u), parameter).tangents[0]
+        let mut further = Vec::new();
+        law.prepare(&mut own, &mut further, parameter.scale);
+        law.limited_value(&own, &further, Dual::constant(u), parameter).tangents[0]
     }
 
-    /// Turns columns of `theta` into those that [`Self::evaluate`] takes; the rate of the driver stays.
+    /// Turns columns of `theta` into those that [`Self::evaluate`] takes, and appends further numbers; the rate of the driver
+    /// stays where it is.
     #[inline(always)]
-    pub(crate) fn prepare<R: Real>(&self, columns: &mut [R]) {
-        let mut rest = columns;
+    pub(crate) fn prepare<R: Real>(&self, columns: &mut Vec<R>) {
+        let mut further = Vec::with_capacity(self.n_prepared() - self.n_columns());
+        let mut rest = columns.as_mut_slice();
         for (law, parameter) in self.laws.iter().zip(self.parameters) {
             let count = law.n_coefficients().min(rest.len());
             let (own, others) = rest.split_at_mut(count);
             rest = others;
-            law.prepare(own, parameter.scale);
+            law.prepare(own, &mut further, parameter.scale);
         }
+        columns.append(&mut further);
     }
 
     /// Parameters at the current `u` from prepared columns, written to `values`.
     #[inline(always)]
     pub(crate) fn evaluate<R: Real>(&self, prepared: &[R], u: R, values: &mut [R]) {
-        let mut rest = prepared;
+        let (mut rest, mut further) = prepared.split_at(self.n_columns().min(prepared.len()));
         for ((law, parameter), value) in self.laws.iter().zip(self.parameters).zip(values) {
             let (own, others) = rest.split_at(law.n_coefficients().min(rest.len()));
-            rest = others;
-            *value = law.limited_value(own, u, parameter);
+            let (own_further, others_further) = further.split_at(law.n_further().min(further.len()));
+            (rest, further) = (others, others_further);
+            *value = law.limited_value(own, own_further, u, parameter);
         }
     }
 
     /// Writes the parameters that depend on the current anew; the others in `values` stay as [`Self::evaluate`] wrote them.
     #[inline(always)]
     pub(crate) fn follow<R: Real>(&self, prepared: &[R], u: R, values: &mut [R]) {
-        for &(parameter, first) in &self.following {
+        for &Place { parameter, column, further } in &self.following {
             let law = &self.laws[parameter];
-            let own = &prepared[first..first + law.n_coefficients()];
-            values[parameter] = law.limited_value(own, u, &self.parameters[parameter]);
+            let own = &prepared[column..column + law.n_coefficients()];
+            let own_further = &prepared[further..further + law.n_further()];
+            values[parameter] = law.limited_value(own, own_further, u, &self.parameters[parameter]);
         }
     }
 }
@@ -433,7 +631,7 @@ impl<R: Real> OutOfLine for Evaluate<'_, R> {
 /// Turns columns into those that laws are evaluated from, see [`CurrentLaws::prepare`].
 pub(crate) struct Prepare<'a, R> {
     pub(crate) laws: &'a CurrentLaws,
-    pub(crate) columns: &'a mut [R],
+    pub(crate) columns: &'a mut Vec<R>,
 }
 
 impl<R: Real> OutOfLine for Prepare<'_, R> {

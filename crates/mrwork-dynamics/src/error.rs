@@ -83,7 +83,8 @@ pub enum DynamicsError {
     /// A name that is none of a current law.
     #[error(
         "no current law is called {0:?}; there are constant, linear, quadratic, cubic, exponential, and those by values \
-         at rising commands, as in quadratic:0,0.5,1, log_quadratic:0,0.5,1, straight:0,0.5,1 or straight_log:0,0.5,1"
+         at rising commands, as in quadratic:0,0.5,1, log_quadratic:0,0.5,1, monotone:0,0.5,1, straight:0,0.5,1, \
+         straight_log:0,0.5,1, exponential:0,1 or tanh:0,1"
     )]
     UnknownLaw(String),
     /// A damper that is no model of the registry, as the device of a loop.

@@ -83,8 +83,16 @@ fn nominal(damper: &dyn Damper) -> Vec<f64> {
 }
 
 fn law() -> impl Strategy<Value = CurrentLaw> {
-    let by_values = ["log_quadratic:-0.5,0.1,1", "linear:0,2", "straight:0,0.2,1", "straight_log:0,0.2,1"]
-        .map(|name| CurrentLaw::of_name(name).expect("a law"));
+    let by_values = [
+        "log_quadratic:-0.5,0.1,1",
+        "linear:0,2",
+        "straight:0,0.2,1",
+        "straight_log:0,0.2,1",
+        "monotone:-0.5,0.1,1",
+        "exponential:0.2,1",
+        "tanh:-0.5,1",
+    ]
+    .map(|name| CurrentLaw::of_name(name).expect("a law"));
     let others = [CurrentLaw::NAMED.to_vec(), by_values.to_vec()].concat();
     prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(others)]
 }

@@ -48,6 +48,7 @@ pub fn damper_text<'py>(
         functions.set_item("force", text.force)?;
         functions.set_item("rate", text.rate)?;
         functions.set_item("substep", text.substep)?;
+        functions.set_item("n_prepared", text.n_prepared)?;
         functions.set_item("calls", text.calls)?;
     }
     Ok(functions)

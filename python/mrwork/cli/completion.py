@@ -56,14 +56,14 @@ def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
 def _offered_names() -> dict[tuple[str, str], list[str]]:
     """Names for arguments that take more than names, by verb and argument."""
     from mrwork.control.laws.control_law import control_laws
-    from mrwork.dampers.laws import LOGARITHMIC_LAWS, named_laws
+    from mrwork.dampers.laws import LAWS_AT_COMMANDS, named_laws
     from mrwork.dampers.spec import ALL, damper_models
     from mrwork.records.repairs import REPAIR_KINDS
     from mrwork.uncertainty.noise import NOISES
 
     models = [spec.name for spec in damper_models()]
     parameters = dict.fromkeys(name for spec in damper_models() for name in spec.names)
-    laws = [f"{name}={law}" for name in parameters for law in (*named_laws(), *LOGARITHMIC_LAWS)]
+    laws = [f"{name}={law}" for name in parameters for law in (*named_laws(), *LAWS_AT_COMMANDS)]
     return {
         ("models", "name"): models,
         ("identify", "--model"): [*models, ALL],

@@ -63,7 +63,9 @@ def add_options(parser: CommandParser) -> None:
         "--law",
         "let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
         "commands, or at given ones, quadratic:0,0.3,1; log_linear, log_quadratic, log_cubic through the logarithms; "
-        "straight:0,0.3,1 or straight_log:0,0.3,1 with straight lines; exponential; "
+        "monotone, or monotone:0,0.3,1, by cubics that are monotone where the values are; straight:0,0.3,1 or "
+        "straight_log:0,0.3,1 with straight lines; tanh, tanh:0,1 or exponential:0,1 by two values and the rate at "
+        "which it saturates; exponential by coefficients; "
         "auto chooses the laws of all other parameters without bounds by the fit to tests left out",
         _law,
         metavar="NAME=LAW",

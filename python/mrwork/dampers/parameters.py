@@ -13,11 +13,14 @@ MOST_SUBSTEPS = 256
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficient:
-    """Plain parameter that follows the command, number of its coefficient, and command of a law by values."""
+    """Plain parameter that follows the command, number of its coefficient, and command of a law by values.
+
+    A rate has the unit of the command in its denominator alone.
+    """
 
     parameter: str
     number: int
-    is_exponent: bool = False
+    is_rate: bool = False
     command: float | None = None
 
 

@@ -53,8 +53,10 @@ class DamperSpec(Summarised):
     cubic laws are `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`, an exponential one `p = p.0 + p.1 exp(p.2 u)`;
     "quadratic:0,0.5,1" is the polynomial through values at these commands, "log_quadratic:0,0.5,1" the one through the
     logarithms of a positive parameter; "straight:0,0.5,1" and "straight_log:0,0.5,1" have straight lines in place of
-    the polynomials. A parameter that follows the command is limited to the admissible range
-    of the plain model. A lagged driver has `u' = -eta (u - command)`.
+    the polynomials, "monotone:0,0.5,1" cubics that are monotone where the values are. "exponential:0,1" and "tanh:0,1"
+    saturate, `p = p0 + (p1 - p0) g(u)` with g = 0 and 1 at these commands, a part of 1 - exp(-c u) or of tanh(c u), and
+    have the rate c as `k_w.rate`. A parameter that follows the command is limited to the admissible range of the plain
+    model. A lagged driver has `u' = -eta (u - command)`.
 
     `spring` names the stiffness k and the free length x0 of the accumulator; its force k (x - x0) depends on x0 through
     the product k x0 alone. `odd` says whether the opposite motion gives the opposite force, `relaxes` whether states

@@ -111,7 +111,6 @@ def damper_source(
         "head": head_of(name, head),
         "n_states": spec.n_states,
         "n_kept": max(spec.n_states, 1),
-        "n_columns": len(names),
         "n_params": n_params,
         "lagged": int(spec.lagged),
         "sample_time": flavour.number(sample_time),

@@ -303,10 +303,10 @@ def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Bo
             continue
         plain = searched.names.index(coefficient.parameter)
         reach = _MARGIN * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
-        if coefficient.command is not None and parameter.scale == "log":
+        if parameter.scale == "log":
             # Its logarithm resolves the admissible range, as of a constant parameter.
             continue
-        if coefficient.is_exponent:
+        if coefficient.is_rate:
             reach = _EXPONENT
         elif spec.laws[plain].degree is not None:
             reach /= largest**coefficient.number

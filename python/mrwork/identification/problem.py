@@ -37,6 +37,8 @@ from mrwork.store.journal import Journal
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
+# Commands between its values at which a saturating law starts near an earlier one.
+_COMPARED = 21
 _POOLED = RemarkKind(
     "commands_pooled",
     "{observation} but no parameter of {0} follows the command: the fit is a compromise between them, right at none",
@@ -335,7 +337,11 @@ def _transfer_law(
 ) -> dict[str, float]:
     """Start of the coefficients, `parameters`, of a law from the values of an earlier law of the same parameter."""
     names = [parameter.name for parameter in parameters]
-    if law.nodes:
+    if law.saturates and law != earlier:
+        between = np.linspace(law.nodes[0], law.nodes[-1], _COMPARED)
+        nearest = law.through(parameters[0], between, earlier.values(values, between))
+        return dict(zip(names, nearest, strict=True))
+    if law.nodes and law != earlier:
         at_nodes = earlier.values(values, np.array(law.nodes))
         return dict(zip(names, at_nodes.tolist(), strict=True))
     if law != earlier and not earlier.is_special_case_of(law):

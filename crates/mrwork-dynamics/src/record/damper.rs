@@ -42,6 +42,8 @@ pub struct DamperText {
     /// Moves `m->state` by a sub-step with `motion[6]`, displacement and velocity at its start, middle and end; with a lag from
     /// the parameters `m->p`, `middle` and `end`.
     pub substep: String,
+    /// Length of `m->prepared`.
+    pub n_prepared: usize,
     /// Whether they call elementary functions.
     pub calls: bool,
 }
@@ -83,7 +85,7 @@ impl Recorded<'_> {
 
     fn parameters(&self) -> String {
         let mut formula = Formula::new(self.precision);
-        let columns = formula.inputs("m->prepared", self.laws.n_columns());
+        let columns = formula.inputs("m->prepared", self.laws.n_prepared());
         let current = formula.input("current");
         let mut values = vec![<T as Real>::splat(f64::NAN); self.laws.n_params()];
         self.laws.evaluate(&columns, current, &mut values);
@@ -132,6 +134,7 @@ impl ModelVisitor<DamperText> for Recorded<'_> {
             rate: self
                 .at_point::<M>(|p, state, motion| assigned("rate", terms_of(M::rate(&p, state, motion)))),
             substep: self.substep::<M>(),
+            n_prepared: self.laws.n_prepared(),
             calls: self.calls.get(),
         }
     }

@@ -33,7 +33,7 @@ typedef struct {
     ${name}_input before;        /* of the sample before */
     unsigned long replaced;      /* readings that were replaced */
     int begun;
-    $real prepared[$n_columns];  /* coefficients as the laws take them */
+    $real prepared[$n_prepared];  /* coefficients as the laws take them */
     $real p[$n_params];          /* parameters at the current */
     $real decay;                 /* of the driver's lag in half a sub-step */
     ${name}_limits limits;

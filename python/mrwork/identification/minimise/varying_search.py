@@ -49,7 +49,7 @@ def scaled_laws(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> 
         owner.append(-1)
         factor.append(spec.parameters[-1].nominal)
     for index, parameter in enumerate(spec.parameters):
-        if parameter.coefficient is not None and parameter.coefficient.is_exponent:
+        if parameter.coefficient is not None and parameter.coefficient.is_rate:
             owner[index] = -1
     owners, factors = np.array(owner), np.array(factor)
 
