@@ -18,7 +18,15 @@ from mrwork.base.numbers import counted
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, POLYNOMIAL_FORMS, CommandLaw, LawName
+from mrwork.dampers.laws import (
+    CONSTANT,
+    MOST_DEGREE,
+    POLYNOMIAL_FORMS,
+    SATURATING_FORMS,
+    CommandLaw,
+    LawName,
+    law_through,
+)
 from mrwork.dampers.parameters import ParamSpec, Scale
 from mrwork.dampers.spec import DamperSpec, least_curved, with_changed_laws
 from mrwork.errors import SettingError
@@ -89,6 +97,8 @@ _ALIVE = 10.0
 _MOST_REFINED = 4
 # Times that neighbours of a set are tried while a set that something speaks against predicts better.
 _EXPANDED = 4
+# Coefficients of a law that saturates: two values and a rate.
+_OF_SATURATION = 3
 # Single changes, the most promising ones, of which pairs are considered.
 _PAIRED = 6
 # Forces are the same where their squared NRMSE in every test agree up to this share, or up to what is no error.
@@ -389,7 +399,7 @@ class LawSearch:
         count, commands = law.n_coefficients, self.folds.commands
         found = list[CommandLaw]()
         for number in (count - 1, count, count + 1):
-            forms = laws_of_size(parameter, number) if 1 <= number <= self.most + 1 else []
+            forms = laws_of_size(parameter, number, commands) if 1 <= number <= self.most + 1 else []
             through_all = number == len(commands) and not self.folds.varies
             if number == count and through_all:
                 continue
@@ -524,13 +534,19 @@ class _Change:
         return LawSet.of(laws, held)
 
 
-def laws_of_size(parameter: ParamSpec, number: int) -> list[CommandLaw]:
+def laws_of_size(parameter: ParamSpec, number: int, commands: Floats) -> list[CommandLaw]:
     """Laws of a parameter with a number of coefficients, polynomials through values first."""
     if number == 1:
         return [CONSTANT]
-    laws = [CommandLaw(number - 1)] if number - 1 <= MOST_DEGREE else []
-    if parameter.is_positive:
-        laws += [replace(law, form="log_polynomial") for law in laws]
+    polynomial = CommandLaw(number - 1)
+    laws = [polynomial] if number - 1 <= MOST_DEGREE else []
+    if number > 2:
+        laws.append(law_through(polynomial.at_commands(commands.tolist()).nodes, "monotone"))
+    if number == _OF_SATURATION:
+        ends = float(commands[0]), float(commands[-1])
+        laws += [law_through(ends, form) for form in SATURATING_FORMS]
+    if parameter.is_positive and number - 1 <= MOST_DEGREE:
+        laws.append(CommandLaw(number - 1, form="log_polynomial"))
     return laws
 
 

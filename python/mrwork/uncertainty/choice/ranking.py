@@ -47,7 +47,8 @@ _RULES = (
     f"{NEGLIGIBLE:g} points, and, where both have a value there, as good between the commands as the best of those; of "
     f"those one that takes fewer than {MANY} integration steps a sample in a building is "
     "chosen, of these the one with the fewest parameters, or another one as simple that predicts as well as it and has "
-    f"less than {FAR_BETTER:g} of its error on all tests. Of those as simple polynomials through values come first.",
+    f"less than {FAR_BETTER:g} of its error on all tests. Of those as simple, and within an error of "
+    "the best of these between the commands, or else of all, polynomials through values come first.",
     "Unusable: a law vanishes or leaves its range within the tested commands, or has an extremum between them that no "
     "test shows, the force falls beyond the tested velocities, or no building can be simulated with it. Such a "
     "candidate is not chosen while others are left.",
@@ -62,10 +63,11 @@ _RULES_OF_LAWS = (
     "The search starts with every positive parameter quadratic in the command, then every one but offsets, and tries "
     "neighbours of the best laws, of the simplest as good, and of others as good: those that promise most when the "
     "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, "
-    "or, by a name with log, through the logarithms of a positive parameter. Of forms that no test "
-    "tells apart the first without an extremum between the tested commands is taken, straight lines last. Laws are "
-    "fitted to cycles from the middle of all tests, of a varying command to all cycles with fewer samples, and to all "
-    "but those of each split, from the fits of the laws before.",
+    "or, by a name with log, through the logarithms of a positive parameter; one that saturates has two values and a "
+    "rate. Of forms that no test tells apart the least curved one without an extremum between the tested commands is "
+    "taken, straight lines last. Laws are fitted to cycles from the middle of all tests, of a varying command to all "
+    "cycles with fewer samples, and to all but those of each split: without a split from samples of its own at first, "
+    "then from its fit of the laws before. The best set and the chosen one are fitted on to the whole tests.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )
@@ -336,11 +338,8 @@ def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing, 
     between = min((each.between for each in good if each.between), key=np.mean, default=())
     good = [each for each in good if not each.between or _is_as_good(each.between, between)]
     as_simple = attrgetter("is_costly", "n_params")
-
-    def in_order(candidate: Standing) -> tuple[object, ...]:
-        return (*as_simple(candidate), not candidate.between, candidate.n_unusual)
-
-    simplest = min(good, key=in_order)
+    least = min(map(as_simple, good))
+    simplest = _first_of_equals([each for each in good if as_simple(each) == least])
     better = [
         candidate
         for candidate in ordered
@@ -349,6 +348,22 @@ def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing, 
         and _is_as_good(candidate.left_out, simplest.left_out)
     ]
     return good, simplest, max(better, key=attrgetter("fit_percent"), default=simplest)
+
+
+def _first_of_equals(equals: Sequence[Standing]) -> Standing:
+    """Of candidates as simple, the best first, the one with fewest unusual laws that is within an error of the best.
+
+    Where some have errors between commands these decide, and the others, which are not known there, come after them.
+    """
+    known = [(each, each.between) for each in equals if each.between]
+    judged = known or [(each, each.left_out) for each in equals]
+    best = min((errors for _, errors in judged), key=np.mean)
+    near = []
+    for candidate, errors in judged:
+        behind = np.array(errors) - np.array(best)
+        if float(behind.mean()) <= (error_of_mean(behind) or 0.0):
+            near.append(candidate)
+    return min(near, key=attrgetter("n_unusual"))
 
 
 def _is_as_good(errors: Sequence[float], best: Sequence[float]) -> bool:

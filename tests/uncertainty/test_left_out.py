@@ -1,0 +1,124 @@
+"""What a choice of laws calls left out is left out: its numbers are those of refits, or there are none."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from sinusoidal_tests import MOTIONS, sinusoidal_test
+
+import mrwork as mr
+from mrwork.dampers.laws import law_of
+from mrwork.identification import FitSettings
+from mrwork.identification.commands import with_laws_at
+from mrwork.records import DamperTest
+from mrwork.records.damper_test import command_groups, levels_among
+from mrwork.uncertainty import Choice, choose_laws
+from mrwork.uncertainty.bands.prediction import groups_of
+from mrwork.uncertainty.choice.splits import splits_of
+
+COMMANDS = (0.0, 0.5, 1.0, 1.5)
+# Parameters with bounds remain constant: fewer laws are tried.
+SETTINGS = FitSettings(bounds={"f0": (0.0, 100.0), "rho": (100.0, 1e4)})
+
+
+def yield_force(command: float) -> float:
+    """Saturates, as no polynomial of three values does: 48, 672, 914 and 972 N."""
+    return 48.0 + 940.0 * float(np.tanh(1.6 * command))
+
+
+@pytest.fixture(scope="module")
+def tests() -> tuple[DamperTest, ...]:
+    """Of viscous_dahl, with a measured current that is never twice the same."""
+    noise = np.random.default_rng(3)
+    return tuple(
+        sinusoidal_test(
+            "viscous_dahl",
+            (800.0, yield_force(command), 2000.0, 20.0),
+            motion,
+            noise=0.01,
+            rng=seed,
+            command=command + 1e-4 * noise.uniform(),
+        )
+        for seed, (motion, command) in enumerate(product(MOTIONS[:3], COMMANDS))
+    )
+
+
+@pytest.fixture(scope="module")
+def choice(tests: tuple[DamperTest, ...]) -> Choice:
+    return choose_laws("viscous_dahl", tests, settings=SETTINGS, threads=1)
+
+
+@pytest.fixture(scope="module")
+def without_commands(tests: tuple[DamperTest, ...]) -> Choice:
+    return choose_laws("viscous_dahl", tests, leave_out="command", settings=SETTINGS, threads=1)
+
+
+def test_measured_commands_of_one_set_point_are_left_out_together(tests: tuple[DamperTest, ...]) -> None:
+    assert groups_of(tests, "command") == [[0, 4, 8], [1, 5, 9], [2, 6, 10], [3, 7, 11]]
+    assert command_groups(tests) == [0, 1, 2, 3] * 3
+    assert levels_among([0.5, 1.0, 0.504, 0.497, 0.0]).tolist() == [0.5, 1.0, 0.5, 0.5, 0.0]
+    # A rig with many commands keeps them apart.
+    many = np.arange(0.0, 5.01, 0.25)
+    assert levels_among(many).tolist() == many.tolist()
+
+
+def test_no_set_has_as_many_values_as_there_are_commands_where_commands_are_left_out(
+    without_commands: Choice,
+) -> None:
+    laws = [law for each in without_commands.ranking.standings for law in each.laws.values()]
+    assert laws
+    assert max(law_of(law).n_coefficients for law in laws) == 3
+
+
+@pytest.mark.parametrize("which", ["choice", "without_commands"])
+def test_left_out_numbers_are_those_of_a_refit_from_scratch(
+    which: str, tests: tuple[DamperTest, ...], request: pytest.FixtureRequest
+) -> None:
+    ranking = request.getfixturevalue(which).ranking
+    chosen = ranking.chosen_standing
+    plain = mr.damper(chosen.model).with_current_laws({}, unit="A")
+    spec = with_laws_at(plain, chosen.laws, tests)
+    held = {name: (value, value) for name, value in chosen.held.items()}
+    settings = replace(SETTINGS, bounds={**SETTINGS.bounds, **held})
+    assert ranking.tests == tuple(test.name for test in tests)
+    for split, predicted in zip(ranking.splits, chosen.predicted, strict=True):
+        rest = [test for index, test in enumerate(tests) if index not in split.members]
+        fit = mr.identify(spec, rest, bounds=settings.bounds, rng=7, threads=1)
+        for index, error in zip(split.members, predicted, strict=True):
+            assert error == pytest.approx(mr.predict(fit, tests[index]).nrmse, abs=5e-4)
+
+
+def test_a_set_that_the_other_commands_leave_open_has_no_number_between_them(choice: Choice) -> None:
+    open_sets = 0
+    for each in choice.ranking.standings:
+        through_all = any(law_of(law).n_coefficients == len(COMMANDS) for law in each.laws.values())
+        of_between = [
+            errors
+            for split, errors in zip(choice.ranking.splits, each.predicted, strict=True)
+            if split.between
+        ]
+        assert (each.between_percent is None) is through_all
+        assert all((error is None) is through_all for errors in of_between for error in errors)
+        open_sets += through_all
+    assert open_sets
+
+
+def test_between_commands_the_tests_decide_the_form(choice: Choice) -> None:
+    chosen = choice.ranking.chosen_standing
+    assert chosen.laws == {"k_w": "tanh:0,1.5"}
+    values = choice.best.spec.laws_by_name["k_w"].values(
+        np.array([each.value for each in choice.best.estimates if each.name.startswith("k_w")]),
+        np.array([0.1, 0.25, 0.75, 1.25]),
+    )
+    assert values == pytest.approx([*map(yield_force, (0.1, 0.25, 0.75, 1.25))], rel=0.05)
+
+
+def test_each_command_between_others_is_a_split_of_its_own(tests: tuple[DamperTest, ...]) -> None:
+    splits = splits_of(tests, "motion", between_commands=True)
+    assert [each.members for each in splits.splits if each.between] == [(1, 5, 9), (2, 6, 10)]
+    # They do not count where sets are compared that others leave open.
+    errors = [np.full(len(split.members), 0.5 if split.between else 0.1) for split in splits.splits]
+    assert splits.errors(errors).mean() == pytest.approx(0.1)
+    assert splits.between(errors) == pytest.approx(np.full(3, 0.5))
+    assert splits.between([np.full_like(each, np.nan) for each in errors]).size == 0
