@@ -1,7 +1,7 @@
 """Saturating laws and monotone cubics: their curves, derivatives, limits, and the values of the core and of JAX."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from examples import examples
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from refusals import refusal
+from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers.laws import (
@@ -21,11 +22,13 @@ from mrwork.dampers.laws import (
     named_laws,
 )
 from mrwork.dampers.simulation import Loading, simulate_force, simulate_sensitivities
+from mrwork.dampers.spec import law_values
 from mrwork.identification.equivalent import fitted_laws, with_other_laws
 from mrwork.twins.models import parameters_at
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 NODES = [0.0, 0.3, 1.0, 1.2, 2.0, 2.5, 4.0, 5.0]
+UNTESTED = np.array([0.1, 0.25, 0.75, 1.25])
 POSITIVE = st.floats(1e-2, 1e4)
 VALUES = st.lists(POSITIVE, min_size=2, max_size=8)
 RISES = st.floats(0.05, 20.0)
@@ -277,3 +280,22 @@ def test_values_come_before_logarithms_and_straight_lines_last() -> None:
         "straight",
     ]
     assert law_of("tanh:0,1").other_forms(force) == []
+
+
+@pytest.mark.long
+def test_a_saturating_law_is_recovered_with_its_values_at_untested_commands() -> None:
+    law, truth = law_of("tanh:0,1.5"), (110.0, 1410.0, 1.6)
+    tests = [
+        sinusoidal_test(
+            "viscous_dahl",
+            (800.0, float(law.values(truth, np.array(command))), 2000.0, 20.0),
+            motion,
+            noise=0.02,
+            rng=seed,
+            command=command,
+        )
+        for seed, (motion, command) in enumerate(product(MOTIONS[:2], (0.0, 0.5, 1.5)))
+    ]
+    fit = mr.identify(mr.damper("viscous_dahl").with_current_laws({"k_w": law}), tests, rng=1, threads=1)
+    (found,) = (each for each in law_values(fit.spec, np.array(fit.theta), UNTESTED) if each[0].name == "k_w")
+    np.testing.assert_allclose(found[1], law.values(truth, UNTESTED), rtol=0.01)

@@ -1,5 +1,7 @@
 //! Current laws: each parameter of a model as a function of the coil current.
 
+use core::ops::Range;
+
 use crate::damper::model::DamperSpec;
 use crate::dual::Dual;
 use crate::elementary::{exp, ln, tanh};
@@ -161,16 +163,15 @@ impl CurrentLaw {
     /// The parameter at `u` from prepared coefficients and the further numbers; not a number for a wrong number of them.
     #[inline(always)]
     fn value<R: Real>(&self, prepared: &[R], further: &[R], u: R, scale: Scale) -> R {
-        if further.len() != self.n_further() {
-            return R::splat(f64::NAN);
-        }
         let (offset, factor, exponent) = match (self, prepared) {
             (Self::Constant, &[a]) => return a,
             (Self::Linear, &[a, b]) => return b.mul_add(u, a),
             (Self::Quadratic, &[a, b, c]) => return c.mul_add(u, b).mul_add(u, a),
             (Self::Cubic, &[a, b, c, d]) => return d.mul_add(u, c).mul_add(u, b).mul_add(u, a),
             (Self::Exponential, &[a, b, c]) => (a, b, c * u),
-            (Self::Monotone(nodes), values) if values.len() == nodes.count => {
+            (Self::Monotone(nodes), values)
+                if values.len() == nodes.count && further.len() == self.n_further() =>
+            {
                 return nodes.monotone(values, further, u);
             }
             (Self::Saturating(saturation), prepared) => return saturation.value(prepared, further, u),
@@ -436,12 +437,12 @@ impl Saturation {
     }
 }
 
-/// A parameter, the first column of its law, and the place of the first further number that is prepared from them.
-#[derive(Clone, Copy, Debug)]
+/// A parameter, the columns of its law, and the places of the further numbers that are prepared from them.
+#[derive(Clone, Debug)]
 struct Place {
     parameter: usize,
-    column: usize,
-    further: usize,
+    columns: Range<usize>,
+    further: Range<usize>,
 }
 
 /// The current laws of all parameters of a model, and whether the driver has a lag.
@@ -480,16 +481,21 @@ impl CurrentLaws {
             return Err(DynamicsError::LawCount { model: spec.name, found, expected });
         }
         let follows: Vec<bool> = laws.iter().map(|law| !matches!(law, CurrentLaw::Constant)).collect();
-        let (mut following, mut column) = (Vec::new(), 0);
-        let mut further = laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() + usize::from(lagged);
-        for (parameter, law) in laws.iter().enumerate() {
-            if follows[parameter] {
-                following.push(Place { parameter, column, further });
+        let mut made = Self { parameters: spec.parameters, laws, lagged, following: Vec::new(), follows };
+        let (mut following, mut column, mut further) = (Vec::new(), 0, made.n_columns());
+        for (parameter, law) in made.laws.iter().enumerate() {
+            if made.follows[parameter] {
+                following.push(Place {
+                    parameter,
+                    columns: column..column + law.n_coefficients(),
+                    further: further..further + law.n_further(),
+                });
             }
             column += law.n_coefficients();
             further += law.n_further();
         }
-        Ok(Self { parameters: spec.parameters, laws, lagged, following, follows })
+        made.following = following;
+        Ok(made)
     }
 
     /// Number of columns of `theta`.
@@ -587,11 +593,11 @@ impl CurrentLaws {
     /// Writes the parameters that depend on the current anew; the others in `values` stay as [`Self::evaluate`] wrote them.
     #[inline(always)]
     pub(crate) fn follow<R: Real>(&self, prepared: &[R], u: R, values: &mut [R]) {
-        for &Place { parameter, column, further } in &self.following {
-            let law = &self.laws[parameter];
-            let own = &prepared[column..column + law.n_coefficients()];
-            let own_further = &prepared[further..further + law.n_further()];
-            values[parameter] = law.limited_value(own, own_further, u, &self.parameters[parameter]);
+        for Place { parameter, columns, further } in &self.following {
+            let (own, own_further) = (&prepared[columns.clone()], &prepared[further.clone()]);
+            let (law, parameter, value) =
+                (&self.laws[*parameter], &self.parameters[*parameter], &mut values[*parameter]);
+            *value = law.limited_value(own, own_further, u, parameter);
         }
     }
 }
