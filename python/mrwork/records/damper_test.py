@@ -347,8 +347,10 @@ _ONE_LEVEL = 0.01
 def levels_among(values: ArrayLike) -> Floats:
     """The level of each value, (n_values,): the middle one of all that follow within 1 % of their range."""
     given = np.asarray(values, dtype=np.float64)
+    if not given.size:
+        return given
     order = np.argsort(given, kind="stable")
-    begins = np.diff(given[order], prepend=-np.inf) > _ONE_LEVEL * (np.ptp(given) if given.size else 0.0)
+    begins = np.diff(given[order], prepend=-np.inf) > _ONE_LEVEL * np.ptp(given)
     groups = np.split(order, np.flatnonzero(begins)[1:])
     levels = np.empty_like(given)
     for group in groups:

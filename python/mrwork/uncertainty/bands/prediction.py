@@ -385,15 +385,12 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
     return test.part(0, middle), replace(test, n_settle=middle)
 
 
-def cycle_errors(test: DamperTest, fit: Fit) -> tuple[float, ...]:
-    """NRMSE of each counted cycle of a test, per standard deviation of all its counted force."""
-    prediction = predict_test(fit, test)
-    cycles = [
-        slice(cycle.start - test.n_settle, cycle.stop - test.n_settle)
-        for cycle in whole_cycles(test.displacement)
-        if cycle.start >= test.n_settle
+def cycles_of_halves(test: DamperTest) -> tuple[DamperTest, ...]:
+    """First half of the cycles, to fit; and for each later one the record to its end, of which it alone counts."""
+    first, second = halves(test)
+    cycles = [cycle for cycle in whole_cycles(test.displacement) if cycle.start >= second.n_settle]
+    later = [
+        replace(test.part(0, cycle.stop), name=f"{test.name}, cycle {number}", n_settle=cycle.start)
+        for number, cycle in enumerate(cycles, start=1)
     ]
-    deviation = float(np.std(prediction.measured))
-    if not cycles:
-        return (prediction.nrmse,)
-    return tuple(rms(prediction.residual[cycle]) / deviation for cycle in cycles)
+    return first, *(later or [second])

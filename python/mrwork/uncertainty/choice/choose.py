@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeVar
 from warnings import warn
 
@@ -25,22 +26,26 @@ from mrwork.base.units import CommandUnit
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import SCREENED, DamperSpec
 from mrwork.errors import JournalError, MrworkError, MrworkWarning, OutputError, SettingError, WorkerError
-from mrwork.identification.batch import FitBatch, FitTask, JournalOf
-from mrwork.identification.commands import CommandedTests, with_laws_at
-from mrwork.identification.equivalent import identifiable_form, levels_needed
+from mrwork.identification.batch import FitBatch, FitTask, JournalOf, with_journal
+from mrwork.identification.commands import CommandedTests, excerpts_of, with_laws_at
+from mrwork.identification.equivalent import joint_box, levels_needed
 from mrwork.identification.fit import Fit
-from mrwork.identification.problem import pooled_commands
+from mrwork.identification.problem import Problem, pooled_commands
 from mrwork.identification.settings import FitSettings, Lagged, LawUnit, LeaveOut
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
-from mrwork.store.long_call import LongCall
+from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.choice.collapse import with_collapses
+from mrwork.uncertainty.choice.folds import FoldedFit, Folds
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.choice.screening import compared_models
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 from mrwork.workers.engine import Workers, on_executor
 
 T = TypeVar("T")
+# Share of the time of a family that its fit to all tests takes, about.
+_OF_FITS = 0.7
 _NO_LAW = RemarkKind("laws_of_no_parameter", "none of the parameters that follow the command is one of {0}")
 
 
@@ -183,58 +188,70 @@ class _ChoosingModel(Choosing):
     settings: FitSettings
     candidates: dict[str, Standing] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
-    # Number of parameters of the fits so far; the cost of a fit grows with its parameters.
+    # Number of families so far.
     done: int = 0
 
     def batch(self) -> FitBatch:
-        """For each family its fit to all tests, then those without each split."""
+        """The fit of each family to all tests."""
         tasks = [
             FitTask(
                 spec=family,
-                tests=part,
-                settings=replace(self.settings, bounds=select_known(self.settings.bounds, family)),
-                examines=not fold,
-                step=f"{family.name}/{f'left_out_{fold}' if fold else 'fit'}",
+                tests=self.tests,
+                settings=self.settings_of(family),
+                step=f"{family.name}/fit",
             )
             for family in self.models
-            for fold, part in enumerate([self.tests, *self.splits.rests])
         ]
         return FitBatch(
             tasks=tasks,
             threads=self.threads,
             journal_of=self.journal_of,
             on_progress=self._report_fit,
-            on_fit=self._count,
         )
 
+    def settings_of(self, family: DamperSpec) -> FitSettings:
+        """The settings with the bounds of parameters that a family has."""
+        return replace(self.settings, bounds=select_known(self.settings.bounds, family))
+
     def evaluate(self, family: DamperSpec, batch: FitBatch) -> None:
-        """Identify a family from all tests and without each split; a failure is recorded as its reason."""
-        model, n_splits = family.name, self.splits.n_splits
-        first = self.models.index(family) * (1 + n_splits)
-        nrmse, seconds = [], 0.0
+        """Identify a family from all tests, and fit it without each split; a failure is recorded as its reason."""
+        model, number = family.name, self.models.index(family)
         fit: Fit | None = None
+        row = self.failing(family)
         with self.recording_failure(model):
-            fit = batch.fit(first)
-        if fit is None:
-            self.candidates[model] = self.failing(family)
-            return
-        for number in range(n_splits):
-            errors = np.full(len(self.splits.members[number]), np.inf)
-            with self.recording_failure(model):
-                rest = batch.fit(first + 1 + number)
-                seconds += rest.seconds
-                errors = self.splits.predict(number, rest)
-            nrmse.append(errors)
+            fit = batch.fit(number)
+            self._report_fit(number, None, "left out")
+            row = with_journal(self.journal_of, f"{model}/left_out", partial(self._judged, family, fit))
+        self.candidates[model] = row if fit and row.left_out else self.failing(family)
+        if fit is not None:
+            self.fits[model] = fit
+        self.done += 1
+
+    def _judged(self, family: DamperSpec, fit: Fit, journal: Journal | None) -> Standing:
+        """The row of a family by fits to all tests and without each split, which are one batch."""
+        call, settings = LongCall[None](journal=journal), self.settings_of(family)
+        problem = Problem.of(fit.spec, self.splits.tests, settings, threads=self.threads)
+        form, effects, excerpts = problem.form, fit.effect_values, excerpts_of(problem)
+        folds = Folds.of(form.spec, excerpts, self.splits, problem.settings, self.threads)
+        folds = folds.with_effects(tuple(effects), told=bool(effects) and not fit.varied_effects)
+        theta = np.asarray(form.from_model(np.array(fit.theta)))[None]
+        box = joint_box(form, excerpts, folds.commands) if form.spec.follows_command else form.box
+
+        def fold() -> FoldedFit:
+            first = folds.first_fit(form.spec, box, theta, np.array([[*effects.values()]]))
+            return folds.refined(form.spec, box, first)
+
+        folded = call.step("left out", FoldedFit, partial(interruptible, fold), box, theta, settings)
+        nrmse = folds.predict([(form.spec, folded)])[0]
         row = replace(
-            self.failing(family),
-            n_params=len(identifiable_form(fit.spec, fit.settings.bounds).box.free),
+            Standing.of(family),
+            n_params=len(form.box.free),
             status=fit.status,
-            seconds=fit.seconds + seconds,
+            seconds=fit.seconds + call.seconds,
             fit_percent=fit.fit_percent,
         )
-        theta = np.array(fit.theta)
-        self.candidates[model] = row.scored(nrmse, self.splits, fit.spec, theta, self.tests)
-        self.fits[model] = fit
+        ends = np.cumsum([len(members) for members in self.splits.members])[:-1]
+        return row.scored(np.split(nrmse, ends), self.splits, fit.spec, np.array(fit.theta), self.tests)
 
     def choice(self) -> Choice:
         rows = with_collapses([*self.candidates.values()], self.fits, self.tests)
@@ -249,19 +266,9 @@ class _ChoosingModel(Choosing):
             self.choice() if any(candidate.has_predicted for candidate in self.candidates.values()) else None
         )
 
-    def _count(self, number: int, fit: Fit) -> None:
-        self.done += len(fit.spec.parameters)
-
-    def _report_fit(self, number: int, within: Progress | None) -> None:
-        n_splits = self.splits.n_splits
-        model_index, fold = divmod(number, 1 + n_splits)
-        total = (1 + n_splits) * sum(len(model.parameters) for model in self.models)
-        self.tell(
-            self.models[model_index].name,
-            f"left out {fold} of {n_splits}" if fold else "all tests",
-            within=within,
-            share=self.done / total,
-        )
+    def _report_fit(self, number: int, within: Progress | None, task: str = "all tests") -> None:
+        share = (self.done + (task != "all tests") * _OF_FITS) / len(self.models)
+        self.tell(self.models[number].name, task, within=within, share=share)
 
 
 @checked
@@ -283,10 +290,11 @@ def choose_model(
 ) -> Choice:
     """Identify families of models from the same tests, and rank them by their error on data left out of the fit.
 
-    Each family is identified from all tests, and again without each motion in turn (or test, or command), which is then
-    predicted; and without the fastest, the slowest and the largest motions, each with every test at or beyond it. Both
-    kinds, inside and beyond the tests that remain, have equal weights. From a single test it is identified on the first
-    half of the cycles and predicts the second. A family that fails is a row of the ranking.
+    Each family is identified from all tests, and fitted without each motion in turn (or test, or command), from samples
+    of its own in one batch, which is then predicted; and without the fastest, the slowest and the largest motions, each
+    with every test at or beyond it. Both kinds, inside and beyond the tests that remain, have equal weights. From a
+    single test it is fitted to the first half of the cycles and predicts the second. A family that fails is a row of
+    the ranking.
 
     Parameters
     ----------
@@ -301,8 +309,8 @@ def choose_model(
     journal_of
         Opens the journal of each step of the comparison, by name; see `Journal`.
     executor
-        Makes the fits, each on one thread: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`.
-        The choice is the same. By default this process makes them.
+        Makes the fits to all tests, each on one thread: an executor of `concurrent.futures`, Dask, mpi4py or loky, or
+        `Workers`. The choice is the same. By default this process makes them.
 
     Raises
     ------

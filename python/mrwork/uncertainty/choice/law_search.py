@@ -34,14 +34,13 @@ from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpts, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
-from mrwork.identification.objective import Objective
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
 from mrwork.records.observation import FREE, NONE, WEIGH, Effect
 from mrwork.store.long_call import LongCall, interruptible
-from mrwork.uncertainty.bands.prediction import rests_of
-from mrwork.uncertainty.choice.law_folds import FoldedFit, LawFolds, Linearised
+from mrwork.uncertainty.choice.folds import FoldedFit, Folds
 from mrwork.uncertainty.choice.objections import dying_laws
+from mrwork.uncertainty.choice.promises import Linearised, Promises
 from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_from, laws_in_words
 from mrwork.uncertainty.choice.splits import splits_of
 
@@ -134,7 +133,8 @@ class LawSearch:
 
     plain: DamperSpec
     tests: tuple[DamperTest, ...]
-    folds: LawFolds
+    folds: Folds
+    promises: Promises
     settings: FitSettings
     given: Laws
     free: tuple[str, ...]
@@ -168,10 +168,14 @@ class LawSearch:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         return self._laws_of("log")
 
+    @property
+    def commands(self) -> Floats:
+        """The commands at which laws have values: those of the tests, or the most telling ones where they vary."""
+        return self.promises.commands
+
     def leave_lag_out(self) -> None:
         """Go on without the lag of the driver."""
-        excerpts = self.folds.excerpts.with_laws(with_changed_laws(self.folds.model, lagged=False))
-        self.folds = replace(self.folds, excerpts=excerpts)
+        self.promises = replace(self.promises, model=with_changed_laws(self.promises.model, lagged=False))
         self.models.clear()
 
     def take_effects(self, first: Fit) -> None:
@@ -180,6 +184,7 @@ class LawSearch:
             self.effects = first.effect_values
             told = not first.varied_effects
             self.folds = self.folds.with_effects(tuple(self.effects), told=told)
+            self.promises = replace(self.promises, folds=self.folds)
 
     def effects_of(self, laws: FittedLaws) -> dict[Effect, float]:
         """The effects on the recorded force that were fitted with laws to all tests."""
@@ -231,7 +236,7 @@ class LawSearch:
                 self._refine(fitted)
         # Of a law that no test tells from others through the same values, the least curved one without an extremum.
         for number, fitted in enumerate(self.fitted):
-            best = least_curved(fitted.spec, fitted.fit.theta[0], self.folds.commands.tolist())
+            best = least_curved(fitted.spec, fitted.fit.theta[0], self.commands.tolist())
             self.fitted[number] = self.in_other_form(fitted, best)
 
     def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
@@ -252,7 +257,7 @@ class LawSearch:
 
     def is_through_all(self, law: CommandLaw) -> bool:
         """Whether no test shows which form a law has, since it has a value at each of their commands."""
-        return law.fitted_degree == len(self.folds.commands) - 1 and not self.folds.varies
+        return law.fitted_degree == len(self.commands) - 1 and not self.folds.varies
 
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
@@ -366,12 +371,12 @@ class LawSearch:
 
     def _promise(self, current: FittedLaws, candidates: Sequence[LawSet]) -> Floats:
         if id(current) not in self.linearised:
-            self.linearised[id(current)] = self.folds.linearise(current.spec, current.fit)
+            self.linearised[id(current)] = self.promises.linearise(current.spec, current.fit)
         about = self.linearised[id(current)]
         models = map(self.model, candidates)
         return np.array(
             [
-                self.folds.promise(about, spec, box, self.transfer_starts(current, spec, box))
+                self.promises.promise(about, spec, box, self.transfer_starts(current, spec, box))
                 for spec, box in models
             ]
         )
@@ -396,7 +401,7 @@ class LawSearch:
 
     def _other_laws(self, parameter: ParamSpec, law: CommandLaw) -> list[CommandLaw]:
         """Laws of one coefficient less or more, and of as many in other forms where tests tell these apart."""
-        count, commands = law.n_coefficients, self.folds.commands
+        count, commands = law.n_coefficients, self.commands
         found = list[CommandLaw]()
         for number in (count - 1, count, count + 1):
             forms = laws_of_size(parameter, number, commands) if 1 <= number <= self.most + 1 else []
@@ -497,11 +502,11 @@ class LawSearch:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
         if laws not in self.models:
             spec = with_changed_laws(
-                self.plain.with_current_laws({}, unit=self.folds.unit, lagged=self.folds.model.lagged),
-                laws_at(self.given | dict(laws.laws), self.folds.commands),
+                self.plain.with_current_laws({}, unit=self.folds.unit, lagged=self.promises.model.lagged),
+                laws_at(self.given | dict(laws.laws), self.commands),
             )
             form = identifiable_form(spec, self.bounds_of(laws))
-            self.models[laws] = spec, joint_box(form, self.tests, self.folds.commands)
+            self.models[laws] = spec, joint_box(form, self.tests, self.commands)
         return self.models[laws]
 
     def bounds_of(self, laws: LawSet) -> dict[str, tuple[float, float]]:
@@ -510,9 +515,7 @@ class LawSearch:
 
     def transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Floats:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
-        rows = [
-            with_other_laws(current.spec, theta, spec, self.folds.commands) for theta in current.fit.theta
-        ]
+        rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.array(rows)))
 
 
@@ -592,12 +595,12 @@ def prepare_search(
     tested.refuse_few()
     commands = tested.commands
     splits = replace(splits_of(tests, leave_out, between_commands=True), parts=parts)
+    folds = Folds.of(spec, short, splits, settings, threads)
     # A split beyond the rest keeps a test at every command, and lowers no degree.
-    remaining = tuple(CommandedTests.of(spec, rest).commands for rest in rests_of(short, splits.members))
     n_levels = min(
         (
             len(levels)
-            for split, levels in zip(splits.splits, remaining, strict=True)
+            for split, levels in zip(splits.splits, folds.remaining, strict=True)
             if split.kind == "inside"
         ),
         default=len(commands),
@@ -620,24 +623,11 @@ def prepare_search(
         linear = plain.with_current_laws(laws_at(full, commands), unit=unit, lagged=lagged)
     else:
         of_test = np.searchsorted(commands, tested.set_points)
-    excerpts = Objective.of(spec, short, settings, threads=threads)
-    shares = np.tile(excerpts.shares, (1 + splits.n_splits, 1))
-    for row, members in enumerate(splits.members, start=1):
-        shares[row, members] = 0.0
-    folds = LawFolds(
-        whole=Objective.of(spec, tests, settings, threads=threads).with_laws(plain),
-        excerpts=excerpts.with_laws(linear),
-        shares=shares / shares.sum(axis=1, keepdims=True),
-        commands=commands,
-        levels=of_test,
-        remaining=remaining,
-        splits=splits,
-        unit=unit,
-    )
     return LawSearch(
         plain=plain,
         tests=short,
         folds=folds,
+        promises=Promises(folds=folds, model=linear, commands=commands, levels=of_test),
         settings=settings,
         given=given,
         free=tuple(name for name in plain.names if name not in {**given, **settings.bounds}),

@@ -71,7 +71,7 @@ class _ChoosingLaws(Choosing):
             self.firsts[search.name] = first
             # Else the laws make up for what moves with the damper, or comes late.
             search.take_effects(first)
-            if search.folds.model.lagged and not first.spec.lagged:
+            if search.promises.model.lagged and not first.spec.lagged:
                 search.leave_lag_out()
                 self.remarks += (_NO_LAG.remark(search.name),)
             with_journal(self.journal_of, f"{search.name}/laws", partial(self._try_laws, search))
@@ -215,7 +215,7 @@ class _ChoosingLaws(Choosing):
         for search, laws in (first, *self._other_forms(*first), *others):
             fastest = fastest_at_commands(laws.spec, search.tests)
             test, loading = max(fastest, key=lambda pair: float(np.abs(pair[0].velocity).max()))
-            between = 0.5 * (search.folds.commands[:-1] + search.folds.commands[1:])
+            between = 0.5 * (search.commands[:-1] + search.commands[1:])
             motions = [*fastest, *((test, replace(loading, command=command)) for command in between.tolist())]
             forces = []
             for test, loading in motions:

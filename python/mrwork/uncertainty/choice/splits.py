@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.identification.fit import Fit
 from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import command_groups
@@ -29,11 +28,9 @@ from mrwork.uncertainty.bands.prediction import (
     LATER_CYCLES,
     ONE_TEST,
     alike_tests,
-    cycle_errors,
+    cycles_of_halves,
     folds_of,
     groups_of,
-    halves,
-    predict_test,
     rests_of,
 )
 
@@ -76,8 +73,8 @@ class Splits:
     """Splits of the tests of one choice, each selection once, the unit of each test, and why splits were dropped.
 
     The unit is the motion, because splits repeat motions and tests of one motion err alike; the fold, where there are
-    fewer than three motions. `parts` are what the tests are, in words. A single test, which has no `fold`, is its two
-    halves, of which the first predicts every cycle of the second.
+    fewer than three motions. `parts` are what the tests are, in words. A single test, which has no `fold`, is the first
+    half of its cycles, which predicts each later one.
     """
 
     tests: tuple[DamperTest, ...]
@@ -115,12 +112,6 @@ class Splits:
     def rests(self) -> list[tuple[DamperTest, ...]]:
         """The tests that remain without each split."""
         return rests_of(self.tests, self.members)
-
-    def predict(self, number: int, fit: Fit) -> Floats:
-        """NRMSE of the tests of a split, of a single test of each later cycle."""
-        if self.fold is None:
-            return np.array(cycle_errors(self.tests[1], fit))
-        return np.array([predict_test(fit, self.tests[index]).nrmse for index in self.splits[number].members])
 
     def errors(self, nrmse: Sequence[Floats]) -> Floats:
         """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from the errors of each split.
@@ -173,9 +164,14 @@ def splits_of(
     With those `between_commands` each constant command that lies between others is left out as well.
     """
     if len(tests) == 1:
-        later = (Split(members=(1,)),)
+        first, *later = cycles_of_halves(tests[0])
+        members = tuple(range(1, 1 + len(later)))
         return Splits(
-            tests=halves(tests[0]), splits=later, units=(0, 1), fold=None, remarks=(ONE_TEST.remark(),)
+            tests=(first, *later),
+            splits=(Split(members=members),),
+            units=(0, *members),
+            fold=None,
+            remarks=(ONE_TEST.remark(),),
         )
     fold = fold or default_fold(tests)
     folds = folds_of(tests, fold)

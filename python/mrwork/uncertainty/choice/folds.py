@@ -1,12 +1,12 @@
-"""The tests of a choice of laws: fits to all and without each split, predictions of what is left out, promises.
+"""Candidates by what they predict of tests that are left out: fits to rows of weights over tests, in one batch.
 
 A fit without a split starts from samples of its own and ends where its own tests lead: nothing of a fit to all tests
-reaches what it predicts. What its tests leave open is not predicted. A promise is the error of laws that are not
-simulated, by the tests linearised about the fits of other laws.
+reaches what it predicts. What its tests leave open is not predicted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -17,14 +17,17 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, by_parameter
+from mrwork.identification.commands import CommandedTests
 from mrwork.identification.equivalent import bounds_of, fitted_laws, search_box, widened
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.minimise.race import draw_samples
-from mrwork.identification.objective import NormalEquations, Objective, friction_limit, up_to
+from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import box_with_free
-from mrwork.identification.settings import Race
+from mrwork.identification.settings import FitSettings, Race
 from mrwork.identification.sliders import Sliders
+from mrwork.records import DamperTest
 from mrwork.records.observation import Effect
+from mrwork.uncertainty.bands.prediction import rests_of
 from mrwork.uncertainty.choice.splits import Splits
 
 # Convergence of the fits: relative decrease of the squared misfit in an iteration; largest number of iterations.
@@ -34,11 +37,6 @@ _REFINED_TOLERANCE = 1e-6
 # Starts of a split, of which so many go on after a first descent of these iterations, to this tolerance.
 _STARTS, _GO_ON = 8, 2
 _FIRST_ITERATIONS, _FIRST_TOLERANCE = 12, 1e-3
-# Steps of the linearised fits, their damping, relative to the sensitivity of each parameter, and the step in latent
-# coordinates by which the slopes of laws are found.
-_STEPS = 3
-_DAMPING = 1e-2
-_SMALL = 1e-4
 
 
 @array_dataclass()
@@ -55,47 +53,59 @@ class FoldedFit:
 
 
 @array_dataclass()
-class Linearised:
-    """Tests linearised about the laws of each row, whose curves in latent parameters are `here`."""
+class Folds:
+    """Tests that candidates are fitted to, `excerpts`, and the `whole` ones that they predict, of one plain model.
 
-    here: Floats
-    normal: NormalEquations
-
-
-@array_dataclass()
-class LawFolds:
-    """Tests that laws are fitted to, `excerpts`, and the `whole` ones that they predict.
-
-    Each row of `shares`, (n_rows, n_tests), weighs the excerpts, for all tests, then without each split. They are
-    linearised in the parameters of their model: the plain one at each of the `commands` or, where a command varies
-    within a test, the model with every law by values at these. Any laws are curves in its parameters, shape
-    (n_rows, n_levels, n_model). `levels` has the number of the command of each test, and `remaining` the commands that
-    the tests without each split run at. Each row has its own `effects` on the recorded force: as they fit its tests, or
-    as sliders tell them from these where they are `told`.
+    Each row of `shares`, (n_rows, n_tests), weighs the excerpts, for all tests, then without each split. Laws follow a
+    command of this `unit`; all tests run at the `commands`, and those without each split at the `remaining` ones. Each
+    row has its own `effects` on the recorded force: as they fit its tests, or as sliders tell them from these where
+    they are `told`.
     """
 
     whole: Objective
     excerpts: Objective
     shares: Floats
     commands: Floats
-    levels: NDArray[np.intp]
     remaining: tuple[Floats, ...]
     splits: Splits
     unit: CommandUnit
     effects: tuple[Effect, ...] = ()
     told: bool = False
 
-    @property
-    def model(self) -> DamperSpec:
-        """The model in whose parameters tests are linearised."""
-        return self.excerpts.spec
+    @classmethod
+    def of(
+        cls,
+        spec: DamperSpec,
+        excerpts: tuple[DamperTest, ...],
+        splits: Splits,
+        settings: FitSettings,
+        threads: int,
+    ) -> Folds:
+        """The folds of a model with laws, or without any, on the tests of splits and their excerpts."""
+        short = Objective.of(spec, excerpts, settings, threads=threads)
+        shares = np.tile(short.shares, (1 + splits.n_splits, 1))
+        for row, members in enumerate(splits.members, start=1):
+            shares[row, members] = 0.0
+
+        def commands_of(tests: Sequence[DamperTest]) -> Floats:
+            return CommandedTests.of(spec, tests).commands if spec.command_unit else np.zeros(1)
+
+        return cls(
+            whole=Objective.of(spec, splits.tests, settings, threads=threads).with_laws(spec.without_laws),
+            excerpts=short,
+            shares=shares / shares.sum(axis=1, keepdims=True),
+            commands=commands_of(excerpts),
+            remaining=tuple(map(commands_of, rests_of(excerpts, splits.members))),
+            splits=splits,
+            unit=spec.command_unit or "A",
+        )
 
     @property
     def varies(self) -> bool:
         """Whether a command varies within a test, which then shows the laws at all commands."""
-        return self.model.command_unit is not None
+        return any(test.has_varying_command for test in self.excerpts.tests)
 
-    def with_effects(self, effects: tuple[Effect, ...], *, told: bool) -> LawFolds:
+    def with_effects(self, effects: tuple[Effect, ...], *, told: bool) -> Folds:
         """The folds of which each row has effects of its own."""
         whole, excerpts = (
             replace(each, compared=tuple(replace(test, free=effects) for test in each.compared))
@@ -243,7 +253,7 @@ class LawFolds:
         else:
             commands = np.array([np.mean(test.command_in(self.unit) or 0.0) for test in self.whole.tests])
             plain = [
-                np.hstack([_plain_curves(spec, fit.theta, commands)[rows, indices], fit.effects[rows]])
+                np.hstack([plain_curves(spec, fit.theta, commands)[rows, indices], fit.effects[rows]])
                 for spec, fit in sets
             ]
             squared = self.whole.squared_nrmse(np.concatenate(plain), np.tile(included, (len(sets), 1)))
@@ -251,69 +261,8 @@ class LawFolds:
         is_open = np.array([~self.determines(spec) for spec, _ in sets])[:, rows - 1]
         return np.where(is_open, np.nan, nrmse)
 
-    def linearise(self, spec: DamperSpec, fit: FoldedFit) -> Linearised:
-        """Simulate the excerpts at the laws and with the effects of each row, with derivatives by the laws."""
-        box, levels = Box.of(self.model), self.levels
-        here = np.asarray(box.latent_from_theta(box.inside(self._curves(spec, fit.theta))))
-        n_rows, n_levels, n_model = here.shape
-        included = np.tile(levels == np.arange(n_levels)[:, None], (n_rows, 1))
-        latent = here.reshape(-1, n_model)
-        effects = np.repeat(fit.effects, n_levels, axis=0)
-        theta = np.hstack([np.asarray(box.theta_from_latent(latent)), effects])
-        every = NormalEquations.at(self.excerpts, box, theta, included)
-        every = every.by(np.exp(box.log_slope(latent))[:, :, None] * np.eye(n_model))
-        own = n_levels * np.arange(n_rows)[:, None] + levels, np.arange(levels.size)
-        normal = NormalEquations(
-            squared=every.squared[own], gradient=every.gradient[own], matrix=every.matrix[own]
-        )
-        return Linearised(here=here, normal=normal)
 
-    def promise(self, about: Linearised, spec: DamperSpec, box: Box, starts: Floats) -> float:
-        """Mean error of the predictions by laws that are fitted from `starts`, shape (n_rows, n_params)."""
-        box_of_model, here, normal = Box.of(self.model), about.here, about.normal
-        latent = np.asarray(box.latent_from_theta(starts))
-        n_rows, n_free = latent.shape
-        gradient, matrix = self._of_levels(normal.gradient), self._of_levels(normal.matrix)
-
-        def curves_at(rows: Floats) -> Floats:
-            theta = np.asarray(box.theta_from_latent(rows))
-            inside = box_of_model.inside(self._curves(spec, theta))
-            return np.asarray(box_of_model.latent_from_theta(inside))
-
-        curves = curves_at(latent)
-        for _ in range(_STEPS):
-            moved = latent[:, None] + _SMALL * np.eye(n_free)
-            shifted = curves_at(moved.reshape(-1, n_free)).reshape(n_rows, n_free, *curves.shape[1:])
-            slope = (shifted - curves[:, None]) / _SMALL
-            pull = gradient + np.einsum("rcpq,rcq->rcp", matrix, curves - here)
-            hessian = np.einsum("rfcp,rcpq,rgcq->rfg", slope, matrix, slope, optimize=True)
-            down = np.einsum("rfcp,rcp->rf", slope, pull)
-            scale = np.sqrt(np.maximum(np.diagonal(hessian, axis1=1, axis2=2), np.finfo(float).tiny))
-            scaled = hessian / scale[:, :, None] / scale[:, None] + _DAMPING * np.eye(n_free)
-            latent = latent - np.linalg.solve(scaled, (down / scale)[..., None])[..., 0] / scale
-            curves = curves_at(latent)
-        away = (curves - here)[:, self.levels]
-        nrmse = np.sqrt(np.clip(np.nan_to_num(normal.after(away), nan=1.0), 0.0, 1.0))
-        left_out = [nrmse[row, members] for row, members in enumerate(self.splits.members, start=1)]
-        return float(np.mean(self.splits.errors(left_out)))
-
-    def _of_levels(self, of_tests: Floats) -> Floats:
-        """Sums over the tests of each command that a row is fitted to, for values of tests, (n_rows, n_tests, ...)."""
-        shares = self.shares.reshape(self.shares.shape + (1,) * (of_tests.ndim - 2))
-        weighted = shares * of_tests
-        levels = range(self.commands.size if not self.varies else 1)
-        return np.stack([weighted[:, self.levels == level].sum(axis=1) for level in levels], axis=1)
-
-    def _curves(self, spec: DamperSpec, theta: Floats) -> Floats:
-        """Parameters of the model of the folds by the laws of each row of `theta`."""
-        curves = _plain_curves(spec, theta, self.commands)
-        if not self.varies:
-            return curves
-        values = curves.transpose(0, 2, 1).reshape(len(theta), 1, -1)
-        return np.concatenate([values, theta[:, None, -1:]], axis=-1) if self.model.lagged else values
-
-
-def _plain_curves(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
+def plain_curves(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
     """Parameters of the plain model, (n_rows, n_commands, n_plain), at commands by the laws of each row of `theta`."""
     columns = []
     for (parameter, law), coefficients in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
