@@ -18,7 +18,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.identification.commands import CommandedTests
-from mrwork.identification.equivalent import bounds_of, fitted_laws, search_box, widened
+from mrwork.identification.equivalent import bounds_of, fitted_laws, search_box, widened, with_other_laws
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.minimise.race import draw_samples
 from mrwork.identification.objective import Objective, friction_limit, up_to
@@ -36,7 +36,7 @@ _ITERATIONS = 30
 _REFINED_TOLERANCE = 1e-6
 # Starts of a split, of which so many go on after a first descent of these iterations, to this tolerance.
 _STARTS, _GO_ON = 8, 2
-_FIRST_ITERATIONS, _FIRST_TOLERANCE = 12, 1e-3
+_FIRST_ITERATIONS, _FIRST_TOLERANCE = 8, 1e-3
 
 
 @array_dataclass()
@@ -120,29 +120,57 @@ class Folds:
             dtype=np.bool_,
         )
 
-    def first_fit(self, spec: DamperSpec, box: Box, theta: Floats, effects: Floats) -> FoldedFit:
-        """Fit every row: the first from a fit to all tests, with its effects, the others from samples of their own."""
-        own, own_effects = self._from_samples(spec, box, np.arange(1, len(self.shares)))
-        return self.fit(spec, box, np.vstack([theta, own]), np.vstack([effects, own_effects]))
+    def first_fit(
+        self,
+        spec: DamperSpec,
+        box: Box,
+        theta: Floats,
+        effects: Floats,
+        simple: tuple[DamperSpec, Box] | None = None,
+    ) -> FoldedFit:
+        """Fit every row from samples of its own; the first also from a fit to all tests, with its effects.
+
+        Laws that are `simple` are fitted to samples first: where shapes follow the command, too, samples are sparse.
+        """
+        every = np.arange(len(self.shares))
+        from_spec, from_box = simple or (spec, box)
+        starts, own_effects = self._from_samples(from_spec, from_box, every)
+        if simple:
+            minima = self._descend(from_spec, from_box, np.hstack([starts, own_effects]), self.shares)
+            starts, own_effects = np.split(minima.theta, [starts.shape[1]], axis=1)
+            rows = [with_other_laws(from_spec, row, spec, self.commands) for row in starts]
+            starts = np.asarray(box.inside(np.array(rows)))
+        own = self.fit(spec, box, starts, own_effects)
+        given = self._descend(spec, box, np.hstack([theta, effects]), self.shares[:1])
+        both = np.vstack([given.theta, np.hstack([own.theta[:1], own.effects[:1]])])
+        misfit = self.excerpts.with_laws(spec)(both)
+        best = both[[int(np.argmin(misfit))]]
+        (squared,) = self.excerpts.with_laws(spec).squared_nrmse(best)
+        n_own = theta.shape[1]
+        return FoldedFit(
+            theta=np.vstack([best[:, :n_own], own.theta[1:]]),
+            effects=np.vstack([best[:, n_own:], own.effects[1:]]),
+            squared=squared,
+        )
 
     def fit(self, spec: DamperSpec, box: Box, starts: Floats, effects: Floats) -> FoldedFit:
         """Fit every row; those without a split that no simulation could start from begin from samples of their own."""
         every, wide = np.arange(len(self.shares)), np.hstack([starts, effects])
-        minima = self._descend(spec, box, wide, every)
+        minima = self._descend(spec, box, wide, self.shares)
         theta, failed = minima.theta, ~np.isfinite(minima.misfit[1:])
         if failed.any() and not failed.all():
             rows = every[1:][failed]
             again = np.hstack(self._from_samples(spec, box, rows))
-            theta[rows] = self._descend(spec, box, again, rows).theta
+            theta[rows] = self._descend(spec, box, again, self.shares[rows]).theta
         (squared,) = self.excerpts.with_laws(spec).squared_nrmse(theta[:1])
         n_own = starts.shape[1]
         return FoldedFit(theta=theta[:, :n_own], effects=theta[:, n_own:], squared=squared)
 
     def refined(self, spec: DamperSpec, box: Box, fit: FoldedFit) -> FoldedFit:
         """Every row of a fit to the excerpts fitted on to the whole tests."""
-        every, starts = np.arange(len(self.shares)), np.hstack([fit.theta, fit.effects])
+        starts = np.hstack([fit.theta, fit.effects])
         minima = self._descend(
-            spec, box, starts, every, _ITERATIONS, _REFINED_TOLERANCE, objective=self.whole
+            spec, box, starts, self.shares, _ITERATIONS, _REFINED_TOLERANCE, objective=self.whole
         )
         # What the excerpts resolve the whole tests may not.
         theta = np.where(np.isfinite(minima.misfit)[:, None], minima.theta, starts)
@@ -159,8 +187,9 @@ class Folds:
         wide, plain = box_with_free(box, self.effects), spec.without_laws
         within = Box.of(plain).with_bounds(bounds_of(box, plain.names))
         starts = np.empty((len(rows), _STARTS, len(wide.names)))
+        shares = self.shares[rows]
         for place, row in enumerate(rows.tolist()):
-            rest, effects = self._rest(spec, row), self._effects_of(row)
+            rest, effects = self._part(spec, shares[place]), self._effects_of(row)
             sampled = widened(search_box(plain, within, rest.tests), within)
             constant = partial(self._constant_laws, spec, wide, effects)
             drawn = draw_samples(
@@ -176,7 +205,7 @@ class Folds:
             (_GO_ON, (_ITERATIONS, _TOLERANCE)),
         ):
             flat = starts[:, :go_on].reshape(-1, len(wide.names))
-            minima = self._descend(spec, box, flat, np.repeat(rows, go_on), *options, is_low=True)
+            minima = self._descend(spec, box, flat, np.repeat(shares, go_on, axis=0), *options, is_low=True)
             order = np.argsort(minima.misfit.reshape(len(rows), go_on), axis=1, kind="stable")
             starts = np.take_along_axis(minima.theta.reshape(len(rows), go_on, -1), order[..., None], axis=1)
         n_own = len(box.names)
@@ -187,18 +216,18 @@ class Folds:
         spec: DamperSpec,
         box: Box,
         starts: Floats,
-        rows: NDArray[np.intp],
+        shares: Floats,
         iterations: int = _ITERATIONS,
         tolerance: float = _TOLERANCE,
         *,
         objective: Objective | None = None,
         is_low: bool = False,
     ) -> LocalMinima:
-        """Local minimisations from starts with effects, (n_starts, n_params + n_effects), by the tests of rows."""
+        """Local minimisations from starts with effects, (n_starts, n_params + n_effects), each with its shares."""
         objective, wide = (objective or self.excerpts).with_laws(spec), box_with_free(box, self.effects)
         if is_low:
             objective = up_to(objective, min(friction_limit(objective.tests), objective.stiffest))
-        held = np.zeros((len(rows), len(wide.free)), dtype=np.bool_)
+        held = np.zeros((len(shares), len(wide.free)), dtype=np.bool_)
         if self.told:
             held[:, len(box.free) :] = True
         return find_minima(
@@ -207,13 +236,13 @@ class Folds:
             starts,
             max_iterations=iterations,
             tolerance=tolerance,
-            shares=self.shares[rows],
+            shares=shares,
             held=held,
         )
 
-    def _rest(self, spec: DamperSpec, row: int) -> Objective:
-        """The misfit of the tests of a row alone."""
-        pairs = zip(self.excerpts.with_laws(spec).compared, self.shares[row].tolist(), strict=True)
+    def _part(self, spec: DamperSpec, shares: Floats) -> Objective:
+        """The misfit of the tests that have these shares, (n_tests,), alone."""
+        pairs = zip(self.excerpts.with_laws(spec).compared, shares.tolist(), strict=True)
         compared = tuple(replace(test, share=share) for test, share in pairs if share > 0.0)
         return replace(self.excerpts, spec=spec, compared=compared)
 

@@ -41,7 +41,13 @@ from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.choice.folds import FoldedFit, Folds
 from mrwork.uncertainty.choice.objections import dying_laws
 from mrwork.uncertainty.choice.promises import Linearised, Promises
-from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_from, laws_in_words
+from mrwork.uncertainty.choice.ranking import (
+    NOT_PREDICTED,
+    Standing,
+    choose_from,
+    error_of_mean,
+    laws_in_words,
+)
 from mrwork.uncertainty.choice.splits import splits_of
 
 Laws = dict[str, CommandLaw]
@@ -92,6 +98,8 @@ _MOST_TRIED = 30
 _FEW_RECORDS = 3
 # Where all first laws die, the multiple of the lower end of the search at which parameters of others start at least.
 _ALIVE = 10.0
+# Most sets that are tried at the end because they are simpler than the one that would be chosen.
+_MOST_SIMPLER = 10
 # Times that the best and the chosen set are fitted to the whole tests, which may change which these are.
 _MOST_REFINED = 4
 # Times that neighbours of a set are tried while a set that something speaks against predicts better.
@@ -210,7 +218,15 @@ class LawSearch:
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`, until the neighbours of the frontier are tried."""
         theta, effects = np.array([first.theta]), np.array([[*self.effects.values()]])
-        self._fit_laws([self.first_laws], lambda spec, box: self.folds.first_fit(spec, box, theta, effects))
+        simple = LawSet.of(
+            {
+                parameter.name: CommandLaw(min(_FIRST_DEGREE, self.most))
+                for parameter in self.plain.parameters
+                if parameter.name in self.free and parameter.scales_with_force
+            }
+        )
+        fit_first = partial(self.folds.first_fit, theta=theta, effects=effects, simple=self.model(simple))
+        self._fit_laws([self.first_laws], fit_first)
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(self.fitted[0], wider)
         if all(fitted.row.remarks for fitted in self.fitted):
@@ -230,6 +246,7 @@ class LawSearch:
             expanded.append(current.laws)
             if proposals := self._proposals(current):
                 self._move_to(current, *proposals)
+        self._simplify()
         for _ in range(_MOST_REFINED):
             rough = [fitted for fitted in self.frontier()[:2] if not fitted.is_refined]
             for fitted in dict.fromkeys(rough):
@@ -238,6 +255,22 @@ class LawSearch:
         for number, fitted in enumerate(self.fitted):
             best = least_curved(fitted.spec, fitted.fit.theta[0], self.commands.tolist())
             self.fitted[number] = self.in_other_form(fitted, best)
+
+    def _simplify(self) -> None:
+        """Try sets with a coefficient less than the one that would be chosen, while they promise to be as good."""
+        for _ in range(_MOST_SIMPLER):
+            _, chosen, *_ = self.frontier()
+            done = {fitted.laws for fitted in self.fitted}
+            simpler = [
+                change.laws
+                for change in self._changes(chosen.laws)
+                if change.laws.size < chosen.laws.size and change.laws not in done
+            ]
+            here, *errors = self._promised(chosen, [chosen.laws, *simpler]).tolist()
+            behind = 100.0 * (min(errors, default=np.inf) - here)
+            if behind > max(NEGLIGIBLE, error_of_mean(100.0 * np.array(chosen.row.left_out)) or 0.0):
+                return
+            self._move_to(chosen, simpler[int(np.argmin(errors))])
 
     def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
         """The candidate with laws through the same values, except where such a law changes the force of a test."""
@@ -613,14 +646,10 @@ def prepare_search(
         )
     linear, of_test = plain, np.zeros(len(short), dtype=np.intp)
     if varies:
-        # Every law that is tried is one through values at these, in its logarithms or nearly.
-        degree = min(MOST_DEGREE, len(commands) - 1)
-        commands = np.array(CommandLaw(degree).at_commands(commands.tolist()).nodes)
-        full = {
-            each.name: CommandLaw(degree, form="log_polynomial" if each.is_positive else "polynomial")
-            for each in plain.parameters
-        }
-        linear = plain.with_current_laws(laws_at(full, commands), unit=unit, lagged=lagged)
+        # Every law that is tried is nearly one through values at these.
+        every = CommandLaw(form="monotone").at_commands(commands.tolist())
+        commands, full = np.array(every.nodes), dict.fromkeys(plain.names, every)
+        linear = plain.with_current_laws(full, unit=unit, lagged=lagged)
     else:
         of_test = np.searchsorted(commands, tested.set_points)
     return LawSearch(
