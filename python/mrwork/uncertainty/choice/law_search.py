@@ -28,7 +28,7 @@ from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
-from mrwork.records.observation import FREE, NONE, WEIGH, Effect
+from mrwork.records.observation import AS_RECORDED, Effect
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import rests_of
 from mrwork.uncertainty.choice.law_folds import FoldedFit, LawFolds, Linearised
@@ -112,13 +112,12 @@ class LawSearch:
     @property
     def excerpt_settings(self) -> FitSettings:
         """Settings for the excerpts, which have the observation models of their whole records, on time."""
-        return replace(self.settings, observe=(NONE,))
+        return replace(self.settings, observe=AS_RECORDED)
 
     @property
     def first_settings(self) -> FitSettings:
         """Those for the first laws, with which effects on the recorded force are fitted that are free, or that pay."""
-        words = [word for word in self.settings.observe if word == WEIGH or word.endswith(f"={FREE}")]
-        return replace(self.settings, observe=words or (NONE,))
+        return replace(self.settings, observe=self.settings.observing.to_fit)
 
     @property
     def first_laws(self) -> Laws:
