@@ -363,7 +363,7 @@ def test_what_pays_is_fitted_where_it_is_to_be_weighed_and_told_with_the_fit_wit
     (told,) = [each for each in taken.remarks if each.code == "effects_fitted"]
     assert told.words == ("mass",)
     assert "k is" in told.message
-    assert taken.settings.observe == ("detect", f"mass={mass.value!r}")
+    assert taken.settings.observing.words == ["detect", f"mass={mass.value!r}"]
     moved = moved_to(taken, taken.tests, np.array(taken.theta), found_by="a profile", threads=1)
     assert [each for each in moved.remarks if each.code == "effects_fitted"] == [told]
     with mock.patch.object(effects, "_weigh", wraps=effects._weigh) as weigh:

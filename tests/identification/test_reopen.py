@@ -66,7 +66,7 @@ def test_tests_come_back_as_they_were_read_from_any_folder(run: Path) -> None:
     )
     assert test.observation.average_seconds == 0.02
     assert test.observation == quality.observation
-    assert opened.fit.settings.observe == ("average=0.02", "gain=each")
+    assert opened.fit.settings.observing.words == ["average=0.02", "gain=each"]
     assert any(remark.code == "repaired_offset" for remark in test.remarks)
 
 

@@ -59,7 +59,7 @@ def test_a_fit_has_the_settings_it_was_made_with() -> None:
     fit = mr.identify(SPEC, TEST, **{each.name: getattr(settings, each.name) for each in fields(FitSettings)})
     # What was fitted is given to fits that follow.
     (lag,) = fit.effects
-    observe = (*settings.observe[:-1], f"lag={lag.value}")
+    observe = (*settings.observing.words[:-1], f"lag={lag.value}")
     assert fit.settings == replace(settings, observe=observe)
 
 

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from refusals import refusal
 
 import mrwork as mr
+from mrwork.identification import FitSettings
 from mrwork.records import DamperTest, Observation, cut, observed
 from mrwork.records.damper_test import Smoothing
-from mrwork.records.observation import AS_IT_IS, as_words
+from mrwork.records.observation import AS_IT_IS, AS_RECORDED, EFFECTS, Observing
 from mrwork.records.reading import synthetic_test
 
 WINDOW = 33
@@ -55,13 +56,41 @@ def test_an_average_of_the_displacement_alone_leaves_the_force(smoothed: DamperT
 
 def test_values_are_given_in_seconds_or_periods(smoothed: DamperTest) -> None:
     test = replace(smoothed, frequency=2.0)
-    found = observed(test, as_words(["average=0.25T", "lag=0.01", "delay=-0.002", "offset=-20"]))
+    found = observed(test, Observing.of(["average=0.25T", "lag=0.01", "delay=-0.002", "offset=-20"]))
     assert found.observation == Observation(
         average_seconds=0.125, lag_seconds=0.01, delay_seconds=-0.002, offset=-20.0
     )
-    assert observed(test, as_words(["detect", "gain=1.1"])).observation == Observation(
+    assert observed(test, Observing.of(["detect", "gain=1.1"])).observation == Observation(
         average_seconds=WINDOW * smoothed.dt, gain=1.1
     )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["none"], ["average=0.1T", "lag=0.010"], ["offset=each", "detect", "mass=free"], ["weigh", "gain=1"]],
+)
+def test_what_is_observed_is_recorded_as_it_was_written(words: list[str]) -> None:
+    settings = FitSettings(observe=words)
+    assert settings.as_record()["observe"] == words
+    assert FitSettings.of_record({"observe": words}) == settings
+
+
+def test_an_effect_that_was_found_takes_the_place_of_what_was_asked_for() -> None:
+    mass, lag = EFFECTS["mass"], EFFECTS["lag"]
+    asked = Observing.of(["average=0.1T", "mass=free", "weigh", "offset=each"])
+    assert (asked.free, asked.of_each, asked.weighs, asked.detects) == (
+        (mass,),
+        (EFFECTS["offset"],),
+        True,
+        False,
+    )
+    assert asked.to_fit == Observing.of(["mass=free", "weigh"])
+    found = asked.with_effects({mass: 2.5, lag: None})
+    assert found == Observing.of(["average=0.1T", "offset=each", "mass=2.5", "lag=free"])
+    assert found.given(lambda: 0.5) == {"average_seconds": 0.05, "mass": 2.5}
+    # What was compared as recorded is so, where nothing is given.
+    assert AS_RECORDED.with_effects({}) == AS_RECORDED
+    assert AS_RECORDED.to_fit == AS_RECORDED
 
 
 @pytest.mark.parametrize(
@@ -75,7 +104,7 @@ def test_values_are_given_in_seconds_or_periods(smoothed: DamperTest) -> None:
     ],
 )
 def test_other_words_are_refused(words: list[str], said: str) -> None:
-    refusal(as_words, words, match=said)
+    refusal(Observing.of, words, match=said)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from mrwork.identification import Fit
 from mrwork.records import DamperTest, Likeness, Outside
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.motion import regular_cycles
+from mrwork.records.observation import AS_RECORDED
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import (
     Band,
@@ -393,7 +394,9 @@ def test_a_band_that_holds_less_than_chance_leaves_is_told(
     error = larger * asked.test.force + (1.0 - larger) * asked.model_force
     asked = growing(replace(asked, test=replace(asked.test, name="asked", force=error)))
     calibration = calibrate(known, held_out="")
-    predictions = Predictions.about(some_fit, [asked], observe=(), calibration=calibration, level=0.9)
+    predictions = Predictions.about(
+        some_fit, [asked], observe=AS_RECORDED, calibration=calibration, level=0.9
+    )
     assert "motion_of_new_kind" in {each.code for each in predictions.remarks}
     assert calibration.new_kind(known) is None
     (coverage,) = predictions.coverage
@@ -439,7 +442,9 @@ def test_one_of_many_tests_may_be_held_by_less_than_one_alone(some_fit: Fit) -> 
     assert share > calibration.least_by_chance(test, band, 13)
 
     def told(predictions: list[Prediction]) -> bool:
-        made = Predictions.about(some_fit, predictions, observe=(), calibration=calibration, level=0.9)
+        made = Predictions.about(
+            some_fit, predictions, observe=AS_RECORDED, calibration=calibration, level=0.9
+        )
         return "band_too_narrow" in {each.code for each in made.remarks}
 
     assert told([test])

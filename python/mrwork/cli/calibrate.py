@@ -11,7 +11,7 @@ from mrwork.cli.options import add_run, add_threads, end_parser, on_workers
 from mrwork.cli.output import end_addition, progress_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, add_observation, opened_run, read_tests
-from mrwork.records.observation import as_words
+from mrwork.records.observation import Observing
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.calibration_files import StoredBands, cross_validated, write_bands
@@ -59,13 +59,13 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
     from mrwork.records import observed
 
     fit = read_fit(options.run_folder)
-    words = as_words(options.observe or fit.settings.observe)
+    observing = Observing.of(options.observe or fit.settings.observe)
     _, read = read_tests(options, "calibration", fit)
     remarks = told_remarks("calibrate", read, options)
-    tests = [observed(test, words) for test in read]
+    tests = [observed(test, observing) for test in read]
     for condition in filter(None, map(fit.other_condition, tests)):
         note(condition.condition.in_words)
-    return predict(fit, tests, observe=words).predictions, remarks
+    return predict(fit, tests, observe=observing).predictions, remarks
 
 
 def _predict_held_out(

@@ -29,7 +29,7 @@ from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table,
 from mrwork.records.checks import ONE_WAY
 from mrwork.records.columns import COMMAND
 from mrwork.records.contradictions import refuse_velocity
-from mrwork.records.observation import DETECT, WEIGH, as_words
+from mrwork.records.observation import DETECT, WEIGH
 from mrwork.records.reading import Reading
 from mrwork.records.rig_table import TABLE_NAME, UNKNOWN, Use, files_not_read, is_test_table, records_in
 from mrwork.store.input_file import is_folder
@@ -173,7 +173,7 @@ def _fitting(
             "one way shows no loop to choose a model by; add strokes out and back at equal speeds, or fit one model by "
             "mrwork identify FILES --model NAME"
         )
-    settings = FitSettings(rng=options.rng, observe=as_words(options.observe or (DETECT, WEIGH)))
+    settings = FitSettings(rng=options.rng, observe=options.observe or (DETECT, WEIGH))
     spare = ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True

@@ -87,7 +87,7 @@ class Identification(Frame):
             work=work_of(options, FIT_RUN, folder),
             kept=kept,
             reading=reading,
-            tests=tuple(observed(test, settings.observe) for test in tests),
+            tests=tuple(observed(test, settings.observing) for test in tests),
             is_step=is_step,
         )
 

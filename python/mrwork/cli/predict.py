@@ -9,7 +9,7 @@ from mrwork.cli.derived import add_option_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import renew_page, show_results, told_remarks
 from mrwork.cli.tests import add_files, add_observation, read_tests
-from mrwork.records.observation import as_words
+from mrwork.records.observation import Observing
 from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder
 from mrwork.uncertainty.bands.predictions import Predictions
 
@@ -45,15 +45,15 @@ def run(options: argparse.Namespace) -> int:
 
     folder = RunFolder.open(options.run_folder, FIT_RUN)
     fit = fit_of(folder)
-    words = as_words(options.observe or fit.settings.observe)
+    observing = Observing.of(options.observe or fit.settings.observe)
     # Tests of a calibration are not kept for test, whether its bands are printed or not.
     calibration = stored_calibration(folder) if options.level is None else read_calibration(folder)
     _, tests = read_tests(options, "test", fit)
     remarks = told_remarks("predict", tests, options)
     predictions = Predictions.of(
-        fit, tests, observe=words, calibration=calibration, **arguments_of(options, Predictions.of)
+        fit, tests, observe=observing, calibration=calibration, **arguments_of(options, Predictions.of)
     )
-    as_fitted = options.substep_factor == 1 and words == fit.settings.observe
+    as_fitted = options.substep_factor == 1 and observing == fit.settings.observing
     stored = as_fitted and keep_held_out(options.run_folder, predictions)
     if stored:
         renew_page(options, options.run_folder)

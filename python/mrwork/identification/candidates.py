@@ -35,7 +35,7 @@ from mrwork.identification.residual import LossFunction, LossName, loss_of, refu
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, loading_of
-from mrwork.records.observation import DETECT, as_words
+from mrwork.records.observation import DETECT, Observe, Observing
 from mrwork.records.window import spans_with
 
 Mask = Annotated[NDArray[np.bool_], Shape(("n_time",))]
@@ -272,7 +272,7 @@ def objective(
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     ties: Mapping[str, str] | None = None,
-    observe: str | Sequence[str] = DETECT,
+    observe: Observe = DETECT,
     force_exponent: float = 1.0,
     weights: Sequence[Samples | float | None] = (),
     masks: Sequence[Mask | None] = (),
@@ -321,19 +321,20 @@ def objective(
     True
     """
     spec = damper(model) if isinstance(model, str) else model
+    observing = Observing.of(observe)
     settings = FitSettings(
-        bounds=bounds_without_offsets(as_words(observe), spec) | dict(bounds or {}),
+        bounds=bounds_without_offsets(observing, spec) | dict(bounds or {}),
         ties=dict(ties or {}),
         force_exponent=force_exponent,
-        observe=as_words(observe),
+        observe=observing,
     )
-    refuse_free(settings.observe, "an objective")
-    if settings.effects_of_each and (weights or loss != "linear"):
+    refuse_free(observing, "an objective")
+    if observing.of_each and (weights or loss != "linear"):
         raise SettingError(
             "the effects that `observe` estimates for each test have their least-squares values, which go with neither "
             "`weights` nor a `loss`; leave one out"
         )
-    unmasked = tuple(observed(test, settings.observe) for test in as_tests(tests))
+    unmasked = tuple(observed(test, observing) for test in as_tests(tests))
     masked = list(unmasked)
     for index, mask in enumerate(_for_each(masks, None, unmasked, "masks")):
         if mask is not None:

@@ -42,7 +42,7 @@ from mrwork.identification.sliders import COARSE, RIDGE, SliderFit, Sliders
 from mrwork.identification.suspicious import force_noise
 from mrwork.records import DamperTest
 from mrwork.records.motion import spectrum
-from mrwork.records.observation import EFFECTS, WEIGH, Effect
+from mrwork.records.observation import EFFECTS, Effect
 
 Effects = tuple[Effect, ...]
 
@@ -112,9 +112,9 @@ def fit_effects(fit: FinalFit) -> FinalFit:
     count what the model cannot describe: leaving out tests moves the effects by that. Errors of the parameters count
     how far these follow.
     """
-    problem, effects = fit.problem, fit.problem.settings.free_effects
+    problem, effects = fit.problem, fit.problem.settings.observing.free
     known: FitWithEffects | None = None
-    if not effects and WEIGH in problem.settings.observe:
+    if not effects and problem.settings.observing.weighs:
         weighed = _weigh(problem, fit.covariance)
         if weighed and weighed.is_told:
             effects = weighed.best.effects if weighed.best else ()
@@ -482,7 +482,7 @@ def unfitted_effects(problem: Problem, covariance: Covariance) -> Iterator[Remar
     """Warn of effects on the recorded force that pay, or of damping that an unknown delay would change by far."""
     # What is to be weighed was weighed before, by `fit_effects`.
     slopes, known = covariance.slopes, _known(problem)
-    weighed = None if WEIGH in problem.settings.observe else _weigh(problem, covariance)
+    weighed = None if problem.settings.observing.weighs else _weigh(problem, covariance)
     if weighed and weighed.is_told:
         yield weighed.remark(_UNFITTED)
         if not weighed.best or _MASS in weighed.best.effects:
@@ -505,7 +505,7 @@ def _known(problem: Problem) -> set[Effect]:
         if any(getattr(test.observation, effect.field) for test in tests)
     }
     varies = any(test.has_varying_command for test in tests)
-    if known & {_DELAY, _LAG} or _DELAY in problem.settings.effects_of_each:
+    if known & {_DELAY, _LAG} or _DELAY in problem.settings.observing.of_each:
         known |= {_DELAY, _LAG}
     return known | {_MASS, _DELAY, _LAG} if varies else known
 

@@ -367,13 +367,13 @@ class Fit(Plotted, WithAxes, Summarised):
         ]
         inputs = sorted(self.provenance.inputs.items())
         equations = () if self.own is None or self.own.own is None else (self.own.own.digest,)
-        each = [effect.name for effect in self.settings.effects_of_each]
+        each = [effect.name for effect in self.settings.observing.of_each]
         return digest_of(self.model, values, self.current, each, inputs, *equations)
 
     @checked
     def observed(self, test: DamperTest) -> DamperTest:
         """The test with the observation model of the fit's settings, or with its own if it has one."""
-        return observed(test, self.settings.observe)
+        return observed(test, self.settings.observing)
 
     @checked
     def seen(self, test: DamperTest) -> Likeness | None:

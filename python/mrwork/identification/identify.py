@@ -35,7 +35,6 @@ from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.records.observation import FREE
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import interruptible
 
@@ -180,7 +179,7 @@ def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: 
     moved = identify_with(
         fit.spec,
         tests,
-        replace(fit.settings.with_effects(dict.fromkeys(fit.varied_effects, FREE)), starts=(start,)),
+        replace(fit.settings.with_effects(dict.fromkeys(fit.varied_effects)), starts=(start,)),
         threads=threads,
         warns=False,
         searched=(Problem.of_fit(fit, tuple(tests)).form.box, fit.trace),

@@ -13,7 +13,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET, half_range, may_be_one_way, static_force
-from mrwork.records.observation import EFFECTS, effects_of_each, free_effects
+from mrwork.records.observation import EFFECTS, Observing
 
 # Shares of the power of the velocity between which the frequencies of a test lie; those below this ratio are one.
 _MOST_POWER = (0.2, 0.8)
@@ -27,10 +27,10 @@ _OFFSET_LACKING = RemarkKind(
 )
 
 
-def refuse_indistinct(words: Sequence[str], tests: Sequence[DamperTest] = ()) -> None:
+def refuse_indistinct(observing: Observing, tests: Sequence[DamperTest] = ()) -> None:
     """Refuse effects that are left to a fit and that no tests, or these, tell from each other or from the model."""
-    free = {effect.name for effect in free_effects(words)}
-    if {"lag", "delay"} <= free | {effect.name for effect in effects_of_each(words)}:
+    free = {effect.name for effect in observing.free}
+    if {"lag", "delay"} <= free | {effect.name for effect in observing.of_each}:
         raise SettingError(
             "--observe estimates a lag and a delay, which tests hardly tell apart; estimate one of them, and give the "
             "other"
@@ -59,20 +59,20 @@ def are_at_one_frequency(tests: Sequence[DamperTest]) -> bool:
     return bool(ranges.max() <= SAME_FREQUENCY * ranges.min())
 
 
-def bounds_without_offsets(words: Sequence[str], spec: DamperSpec) -> dict[str, tuple[float, float]]:
+def bounds_without_offsets(observing: Observing, spec: DamperSpec) -> dict[str, tuple[float, float]]:
     """Bounds that fix the model's own force offset at zero, where the offset is estimated for each test."""
-    return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if _OFFSET in effects_of_each(words) else {}
+    return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if _OFFSET in observing.of_each else {}
 
 
 def unlike_offsets(
-    words: Sequence[str],
+    observing: Observing,
     spec: DamperSpec,
     bounds: Mapping[str, tuple[float, float]],
     tests: Sequence[DamperTest],
 ) -> Iterator[Remark]:
     """Warn of tests with a static offset of the force that the model cannot describe, or with unequal ones."""
     shifts = _shifts(spec)
-    if _OFFSET in effects_of_each(words):
+    if _OFFSET in observing.of_each:
         return
     if any(bounds.get(name) != (0.0, 0.0) for name in shifts):
         if set(shifts) <= set(spec.without_laws.names):

@@ -58,7 +58,7 @@ def _observe_tests(
     """
     if not tests:
         raise RecordError("no test was given to identify from; name at least one file")
-    compared = [ObservedTest.of(spec, test, settings.effects_of_each) for test in tests]
+    compared = [ObservedTest.of(spec, test, settings.observing.of_each) for test in tests]
     shares = np.ones(len(compared))
     if settings.force_exponent != EQUAL_SHARES:
         deviations = np.array([test.deviation for test in compared])
@@ -153,7 +153,7 @@ class Objective(Summarised):
 
         There are no observation models, free effects, effects of each test, weights, losses or uncompared spans.
         """
-        return not self.settings.effects_of_each and all(
+        return not self.settings.observing.of_each and all(
             test.is_plain and not test.free and test.test.observation == AS_IT_IS and not test.test.uncompared
             for test in self.compared
         )

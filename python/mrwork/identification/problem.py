@@ -84,15 +84,15 @@ class Problem:
         settings = replace(
             settings,
             search=settings.search or Race(),
-            bounds=bounds_without_offsets(settings.observe, spec) | dict(settings.bounds),
+            bounds=bounds_without_offsets(settings.observing, spec) | dict(settings.bounds),
         )
-        refuse_indistinct(settings.observe, tests)
+        refuse_indistinct(settings.observing, tests)
         form = identifiable_form(spec, settings.bounds)
         _check_starts(spec, form, settings.starts)
         form = tied_form(form, spec, settings)
         objective = Objective.of(
             form.spec,
-            tuple(observed(test, settings.observe) for test in tests),
+            tuple(observed(test, settings.observing) for test in tests),
             settings,
             threads=threads,
             journal=journal,
@@ -119,7 +119,7 @@ class Problem:
         yield from pooled_commands(tests, (self.spec,))
         if self.shows_rate is False:
             yield _RATE_HIDDEN.remark()
-        yield from unlike_offsets(settings.observe, self.spec, settings.bounds, tests)
+        yield from unlike_offsets(settings.observing, self.spec, settings.bounds, tests)
 
     @property
     def shows_rate(self) -> bool | None:

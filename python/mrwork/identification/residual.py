@@ -40,8 +40,7 @@ from mrwork.records.observation import (
     WEIGH,
     Effect,
     Observation,
-    effects_of_each,
-    free_effects,
+    Observing,
 )
 
 _stiffness_shares = unchecked(stiffness_shares)
@@ -61,20 +60,20 @@ def estimated_in_words(effects: Sequence[Effect]) -> str:
     return " and ".join(f"{effect.name} of the force" for effect in effects)
 
 
-def unestimated_effects(fitted: Sequence[str], used: Sequence[str]) -> Iterator[Remark]:
-    """Warn where the fit estimated effects of each test that a prediction, observed by other words, does not."""
-    missing = [effect for effect in effects_of_each(fitted) if effect not in effects_of_each(used)]
+def unestimated_effects(fitted: Observing, used: Observing) -> Iterator[Remark]:
+    """Warn where the fit estimated effects of each test that a prediction, observed otherwise, does not."""
+    missing = [effect for effect in fitted.of_each if effect not in used.of_each]
     if missing:
         held = ", and its model has no offset of its own" if _OFFSET in missing else ""
         options = " ".join(f"--observe {effect.name}={EACH}" for effect in missing)
         yield _UNESTIMATED.remark(estimated_in_words(missing), held=held, options=options)
 
 
-def refuse_free(words: Sequence[str], who: str) -> None:
-    """Refuse words that leave an effect to a fit, where there is none."""
-    if left := [word for word in words if word == WEIGH] or [effect.name for effect in free_effects(words)]:
+def refuse_free(observing: Observing, who: str) -> None:
+    """Refuse to leave an effect to a fit, where there is none."""
+    if left := WEIGH if observing.weighs else next((effect.name for effect in observing.free), ""):
         raise SettingError(
-            f"{who} fits no effect that tests have in common, and --observe leaves {left[0]} to a fit; give its value"
+            f"{who} fits no effect that tests have in common, and --observe leaves {left} to a fit; give its value"
         )
 
 

@@ -112,7 +112,9 @@ def fit_at(
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
     tested = range_of_tests(objective.tests, spec.command_unit)
-    runs = [free_run(spec, values, test, each=objective.settings.effects_of_each) for test in objective.tests]
+    runs = [
+        free_run(spec, values, test, each=objective.settings.observing.of_each) for test in objective.tests
+    ]
     quality = tuple(test_quality for _, test_quality in runs)
     # After Ctrl-C nothing is compiled.
     change = (
@@ -173,7 +175,7 @@ def _half_step_change(
         return None
     with suppress(SimulationError):
         finer = [
-            free_run(spec, theta, test, each=objective.settings.effects_of_each, substep_factor=2)[0]
+            free_run(spec, theta, test, each=objective.settings.observing.of_each, substep_factor=2)[0]
             for test in objective.tests
         ]
         return max(

@@ -13,7 +13,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.units import CommandUnit
 from mrwork.errors import RecordError
 from mrwork.identification.indistinct import refuse_indistinct
-from mrwork.records.observation import DETECT, NONE, WEIGH, Effect, as_words, effects_of_each, free_effects
+from mrwork.records.observation import DETECT, Effect, Observe, Observing
 from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.store.codec import built, plain
@@ -197,7 +197,7 @@ class FitSettings:
     ties: Mapping[str, str] = field(default_factory=dict)
     force_exponent: Annotated[float, Within(least=0.0, most=EQUAL_SHARES)] = EQUAL_SHARES
     engine: Engine = "lanes"
-    observe: str | Sequence[str] = DETECT
+    observe: Observe = DETECT
     rng: Seed = 0
 
     def __post_init__(self) -> None:
@@ -207,29 +207,22 @@ class FitSettings:
             search_named(search.name)
         plain: dict[str, Any] = {
             "search": search,
-            "observe": as_words(self.observe),
+            "observe": Observing.of(self.observe),
             "starts": tuple(self.starts),
         }
-        refuse_indistinct(plain["observe"])
         for name, value in plain.items():
             object.__setattr__(self, name, value)
+        refuse_indistinct(self.observing)
 
     @property
-    def free_effects(self) -> tuple[Effect, ...]:
-        """The effects on the recorded force that are fitted with the parameters, one number each for all tests."""
-        return free_effects(self.observe)
+    def observing(self) -> Observing:
+        """What sensors do to the force of the tests, as `observe` says."""
+        assert isinstance(self.observe, Observing)  # since it was made
+        return self.observe
 
-    @property
-    def effects_of_each(self) -> tuple[Effect, ...]:
-        """The effects that are estimated for each test from its own force."""
-        return effects_of_each(self.observe)
-
-    def with_effects(self, values: Mapping[Effect, float | str]) -> FitSettings:
-        """The settings with these effects given, or `FREE`, whatever they say of them."""
-        names = [NONE, WEIGH, *(effect.name for effect in values)]
-        words = [word for word in self.observe if word.partition("=")[0] not in names]
-        given = [f"{effect.name}={value}" for effect, value in values.items()]
-        return replace(self, observe=(*words, *given) or (NONE,))
+    def with_effects(self, values: Mapping[Effect, float | None]) -> FitSettings:
+        """The settings with these effects given, or free where there is no value, whatever they say of them."""
+        return replace(self, observe=self.observing.with_effects(values))
 
     @property
     def again(self) -> FitSettings:
@@ -240,7 +233,7 @@ class FitSettings:
         """Plain values of all fields, for JSON; a search is a record with its name."""
         search = self.search
         assert not isinstance(search, str)
-        record: dict[str, Any] = plain(self)
+        record: dict[str, Any] = plain(self) | {"observe": self.observing.words}
         if search is None:
             return record
         return record | {"search": {"name": search.name, **plain(search)}}

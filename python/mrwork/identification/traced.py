@@ -88,7 +88,7 @@ class Residuals:
                 (test.observation, 1.0 if test.observation == AS_IT_IS else test.dt)
                 for test in objective.tests
             ),
-            each=objective.settings.effects_of_each,
+            each=objective.settings.observing.of_each,
             loss=first.loss,
             ties=first.ties,
         )

@@ -6,10 +6,10 @@ nuisance of each test, estimated from the force of that test.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, floor, isfinite
-from typing import Annotated, Any, Final
+from math import ceil, floor, isfinite, nan
+from typing import Annotated, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -242,74 +242,151 @@ NONE: Final = "none"
 FREE: Final = "free"
 EACH: Final = "each"
 WEIGH: Final = "weigh"
+_GIVEN: Final = "given"
 
 
-def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
-    """The words of an observation setting, checked: `detect`, `none`, `weigh`, WHAT=VALUE, free or each.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clause:
+    """A word of a user: how an effect is observed, its value in SI or in periods; `detect` and `weigh` name none."""
 
-    Words that leave all effects to the fit leave `detect`, too.
-    """
-    words = (observe,) if isinstance(observe, str) else tuple(observe)
-    if not words or (NONE in words and len(words) > 1):
-        raise SettingError(
-            f"--observe is {' and '.join(words) or 'empty'}; give {DETECT}, {NONE} alone, or WHAT=VALUE"
-        )
-    for word in words:
+    word: str
+    how: str
+    effect: Effect | None = None
+    value: float = 0.0
+    in_periods: bool = False
+
+    @classmethod
+    def of(cls, word: str) -> Clause:
+        """The clause of a word, checked: `detect`, `none`, `weigh`, WHAT=VALUE, WHAT=free or WHAT=each."""
         if word in (DETECT, NONE, WEIGH):
-            continue
-        effect, text = _effect_of(word)
-        if text not in (FREE, EACH):
-            value_of(word, period=1.0)
-        elif not (effect.free if text == FREE else effect.of_each):
-            able = " or ".join(
-                other.name for other in EFFECTS.values() if (other.free if text == FREE else other.of_each)
-            )
+            return cls(word=word, how=word)
+        name, _, text = word.partition("=")
+        if (effect := EFFECTS.get(name)) is None:
+            near = closest(name, [DETECT, NONE, WEIGH, *EFFECTS])
+            values = ", ".join(f"{key}=VALUE" for key in EFFECTS)
+            cure = f", did you mean {near}" if near else f"; give {DETECT}, {NONE}, {WEIGH}, or {values}"
+            raise SettingError(f"--observe is {word!r}{cure}")
+        if text in (FREE, EACH):
+            able = [other for other in EFFECTS.values() if (other.free if text == FREE else other.of_each)]
+            if effect not in able:
+                raise SettingError(
+                    f"--observe is {word!r}, and no fit tells {name} from the force of the damper; give its value; "
+                    f"what may be {text} is {' or '.join(other.name for other in able)}"
+                )
+            return cls(word=word, how=text, effect=effect)
+        share = text.endswith("T") and effect.of_time
+        try:
+            value = float(text[:-1] if share else text)
+        except ValueError:
+            value = nan
+        if not isfinite(value):
+            raise SettingError(f"{text!r} in --observe {word} is not a number; write it as 0.002, or 0.1T")
+        clause = cls(word=word, how=_GIVEN, effect=effect, value=value, in_periods=share)
+        clause.given(lambda: 1.0)
+        return clause
+
+    def given(self, period: Callable[[], float]) -> dict[str, float]:
+        """The value that it gives a field of an observation, of a test with this dominant period [s]."""
+        if self.effect is None or self.how != _GIVEN:
+            return {}
+        values = {self.effect.field: self.value * period() if self.in_periods else self.value}
+        try:
+            Observation(**values)
+        except SettingError as reason:
+            raise SettingError(f"--observe is {self.word!r}: {reason}") from None
+        return values
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observing:
+    """What sensors do to the force of tests that have no observation of their own; `of` reads what a user writes."""
+
+    clauses: tuple[Clause, ...]
+
+    @classmethod
+    def of(cls, observe: Observe) -> Observing:
+        """What the words of a user mean, checked; effects that are all left to the fit leave `detect`, too."""
+        if isinstance(observe, Observing):
+            return observe
+        words = (observe,) if isinstance(observe, str) else tuple(observe)
+        if not words or (NONE in words and len(words) > 1):
             raise SettingError(
-                f"--observe is {word!r}, and no fit tells {effect.name} from the force of the damper; give its value; "
-                f"what may be {text} is {able}"
+                f"--observe is {' and '.join(words) or 'empty'}; give {DETECT}, {NONE} alone, or WHAT=VALUE"
             )
-    names = [word.partition("=")[0] for word in words]
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise SettingError(f"--observe gives {twice} twice; give it once")
-    if all(word == WEIGH or word.endswith((f"={FREE}", f"={EACH}")) for word in words):
-        return (DETECT, *words)
-    return words
+        clauses = [Clause.of(word) for word in words]
+        names = [clause.how if clause.effect is None else clause.effect.name for clause in clauses]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise SettingError(f"--observe gives {twice} twice; give it once")
+        return cls._with(clauses)
+
+    @classmethod
+    def _with(cls, clauses: Sequence[Clause]) -> Observing:
+        if not clauses:
+            return cls(clauses=(Clause.of(NONE),))
+        if all(clause.how in (WEIGH, FREE, EACH) for clause in clauses):
+            return cls(clauses=(Clause.of(DETECT), *clauses))
+        return cls(clauses=tuple(clauses))
+
+    @property
+    def words(self) -> list[str]:
+        """As users write it, for records and JSON."""
+        return [clause.word for clause in self.clauses]
+
+    def __repr__(self) -> str:
+        return repr(tuple(self.words))
+
+    @property
+    def detects(self) -> bool:
+        """Whether an average that was found in the force of a record is the model's, too."""
+        return self._has(DETECT)
+
+    @property
+    def weighs(self) -> bool:
+        """Whether a fit tries which effects pay."""
+        return self._has(WEIGH)
+
+    @property
+    def free(self) -> tuple[Effect, ...]:
+        """The effects that are fitted with the parameters, one number each for all tests."""
+        return self._left(FREE)
+
+    @property
+    def of_each(self) -> tuple[Effect, ...]:
+        """The effects that are estimated for each test from its own force."""
+        return self._left(EACH)
+
+    @property
+    def to_fit(self) -> Observing:
+        """What is left to a fit of all tests, alone."""
+        return self._with([clause for clause in self.clauses if clause.how in (WEIGH, FREE)])
+
+    def given(self, period: Callable[[], float]) -> dict[str, float]:
+        """Values by the fields of an observation, of a test with this dominant period [s], asked for where needed."""
+        return {name: value for clause in self.clauses for name, value in clause.given(period).items()}
+
+    def with_effects(self, values: Mapping[Effect, float | None]) -> Observing:
+        """With these effects given, or free where there is no value, whatever is said of them here."""
+        others = [
+            clause
+            for clause in self.clauses
+            if clause.how not in (NONE, WEIGH) and clause.effect not in values
+        ]
+        given = [
+            Clause(word=f"{effect.name}={FREE}", how=FREE, effect=effect)
+            if value is None
+            else Clause(word=f"{effect.name}={value}", how=_GIVEN, effect=effect, value=value)
+            for effect, value in values.items()
+        ]
+        return self._with([*others, *given])
+
+    def _has(self, how: str) -> bool:
+        return any(clause.how == how for clause in self.clauses)
+
+    def _left(self, how: str) -> tuple[Effect, ...]:
+        left = [clause.effect for clause in self.clauses if clause.how == how]
+        return tuple(effect for effect in EFFECTS.values() if effect in left)
 
 
-def free_effects(words: Sequence[str]) -> tuple[Effect, ...]:
-    """The effects that the words of an observation setting leave free, one number each for all tests."""
-    return tuple(effect for name, effect in EFFECTS.items() if f"{name}={FREE}" in words)
-
-
-def effects_of_each(words: Sequence[str]) -> tuple[Effect, ...]:
-    """The effects that are estimated for each test from its own force."""
-    return tuple(effect for name, effect in EFFECTS.items() if f"{name}={EACH}" in words)
-
-
-def _effect_of(word: str) -> tuple[Effect, str]:
-    """The effect that a word names, and what the word says of it."""
-    name, _, text = word.partition("=")
-    if name not in EFFECTS:
-        near = closest(name, [DETECT, NONE, WEIGH, *EFFECTS])
-        values = ", ".join(f"{key}=VALUE" for key in EFFECTS)
-        cure = f", did you mean {near}" if near else f"; give {DETECT}, {NONE}, {WEIGH}, or {values}"
-        raise SettingError(f"--observe is {word!r}{cure}")
-    return EFFECTS[name], text
-
-
-def value_of(word: str, *, period: float) -> tuple[Effect, float]:
-    """Effect and value of WHAT=VALUE, or WHAT=VALUET with a share of the period [s]."""
-    effect, text = _effect_of(word)
-    share = text.endswith("T") and effect.of_time
-    try:
-        value = float(text[:-1] if share else text)
-    except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise SettingError(f"{text!r} in --observe {word} is not a number; write it as 0.002, or 0.1T")
-    value = value * period if share else value
-    try:
-        Observation(**{effect.field: value})
-    except SettingError as reason:
-        raise SettingError(f"--observe is {word!r}: {reason}") from None
-    return effect, value
+Observe: TypeAlias = Observing | str | Sequence[str]
+"""What a user writes, one word or several, or what was read of it."""
+AS_RECORDED: Final = Observing.of(NONE)

@@ -5,7 +5,7 @@ An observation model is given in words of a setting: a moving average that was d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Final, Literal, get_args
 
@@ -26,15 +26,10 @@ from mrwork.records.damper_test import DamperTest, fields_of_commands
 from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.observation import (
     AS_IT_IS,
-    DETECT,
-    EACH,
     EFFECTS,
-    FREE,
-    NONE,
-    WEIGH,
     Observation,
-    as_words,
-    value_of,
+    Observe,
+    Observing,
 )
 from mrwork.records.pulses import pulses_of
 from mrwork.records.window import cut, spans_with
@@ -177,7 +172,7 @@ AMOUNTS_IN_WORDS: Final = ", ".join(f"{kind} [{unit}]" for kind, unit in _AMOUNT
 
 
 @checked
-def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
+def observed(test: DamperTest, observe: Observe) -> DamperTest:
     """The test with the observation model that the words ask for; a model that the test already has is kept.
 
     `detect` averages over the window that was found in the force of the whole record, see `detect_smoothing`; where
@@ -186,18 +181,11 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
     if test.observation != AS_IT_IS:
         _check_fits(test, test.observation)
         return test
-    values: dict[str, float] = {}
-    for word in as_words(observe):
-        if word == DETECT:
-            # With a window in the displacement alone, the force was not averaged.
-            if test.smoothing is not None and "force" in test.smoothing.channels:
-                values["average_seconds"] = test.smoothing.window_seconds
-        elif word not in (NONE, WEIGH) and word.partition("=")[2] not in (FREE, EACH):
-            period = 1.0
-            if word.endswith("T"):
-                period = 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)
-            effect, value = value_of(word, period=period)
-            values[effect.field] = value
+    observing, values = Observing.of(observe), dict[str, float]()
+    # With a window in the displacement alone, the force was not averaged.
+    if observing.detects and test.smoothing is not None and "force" in test.smoothing.channels:
+        values["average_seconds"] = test.smoothing.window_seconds
+    values |= observing.given(lambda: 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant))
     if not values:
         return test
     observation = Observation(**values)

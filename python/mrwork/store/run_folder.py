@@ -89,8 +89,11 @@ OWN_NAMES: Final = ADDITIONS | REDRAWN | {
     CRITERIA_TABLE, PROFILES_TABLE, ENSEMBLE, CHOSEN, SCORES_TABLE, TUNED,
 }  # fmt: skip
 """Names in a run folder that verbs use; all others are the user's."""
-JOURNALS: Final = (JOURNAL, f"{MODELS}/*/*.jsonl")
-"""Patterns of the journals that grow while a run is made."""
+JOURNALS: Final = (JOURNAL, f"{MODELS}/**/*.jsonl")
+"""Patterns of the journals that grow while a run is made: of the run, and of the steps of a choice.
+
+The first is there from the beginning of any run, still empty, and tells its folder from one of other files.
+"""
 
 
 def is_added(name: str) -> bool:

@@ -1,6 +1,7 @@
 """Runs made in their folder, and files added to one: what would be lost is asked first, the manifest is the commit.
 
-A run grows in its folder from the start, under the names of its files; beside a manifest as NAME.new. A verb
+A run grows in its folder from the start, under the names of its files; beside a manifest as NAME.new. Its journal is
+made first, empty, and removed last: wherever its writer is killed, the folder is known for that of a run. A verb
 replaces without asking only a run of its own, unchanged since and with nothing added by later verbs.
 
 `RUN/.lock` is held while a run is made, and while files are added; who adds one file for hours holds the lock of its
@@ -9,6 +10,7 @@ name. What replaces a run excludes all else, what adds to it excludes the same a
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -24,7 +26,7 @@ from mrwork.base.summary import list_names
 from mrwork.errors import JournalError, OutputError
 from mrwork.store.input_file import exists
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
-from mrwork.store.output_file import Lock, explain_failure
+from mrwork.store.output_file import Lock, explain_failure, open_to_write
 from mrwork.store.run_folder import (
     ADDITIONS,
     CHAIN,
@@ -112,6 +114,8 @@ class RunAtWork:
         self._locked = ExitStack()
         self._earlier: RunFolder | None = None
         self._listed: Mapping[str, str] = {}
+        self._continued: Mapping[str, str] = {}
+        """Files of the run before that are also of this one."""
         self._committing = False
 
     @property
@@ -164,6 +168,8 @@ class RunAtWork:
 
     def __enter__(self) -> RunAtWork:
         folder = self.folder
+        # Other files are refused before a lock is taken beside them.
+        self.run()
         with _explained(self.path):
             folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as locked:
@@ -176,13 +182,17 @@ class RunAtWork:
                 self._earlier = run.settled()
                 self._listed = self._earlier.files
             self.check_losses()
+            if self.resume and run is None:
+                self.resume = _is_begun(self.path, self._growing_journals(JOURNALS), self._note)
+            self._continued = self._listed if self.continues else {}
             if not (self.resume or self.replace):
-                # Steps beside a complete run, or in an unfinished one.
-                endings = (NEW,) if run is not None and run.is_complete else (NEW, "")
-                names = (f"{pattern}{ending}" for pattern in JOURNALS for ending in endings)
-                _refuse_steps(self.path, chain.from_iterable(map(folder.glob, names)))
+                _refuse_steps(self.path, self._growing_journals(JOURNALS))
             if not self.resume:
-                _sweep(folder, self._listed)
+                begun = self.growing(JOURNAL)
+                # Last: what an earlier run has left is not taken for a part of this one.
+                _sweep(folder, {*self._listed, begun.name})
+                with _explained(self.path):
+                    _make_empty(begun)
             self._locked = locked.pop_all()
         return self
 
@@ -191,8 +201,8 @@ class RunAtWork:
             journal.close()
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
-        elif error is not None and not (
-            self.resume or self._committing or any(n_steps(journal.path) for journal in self._journals)
+        elif not (self.resume or self._committing) and (
+            not self._journals or (error and not any(n_steps(journal.path) for journal in self._journals))
         ):
             _sweep(self.folder, self._listed)
         self._locked.close()
@@ -200,11 +210,22 @@ class RunAtWork:
     def journal(self, name: str = JOURNAL) -> Journal:
         """The journal of the run, or of a step of it such as `models/dahl/fit.jsonl`, begun or resumed."""
         growing, committed = self.growing(name), self.folder / name
+        if self.resume and not self.replace:
+            # A fit has its own journal, a choice one of each step: neither goes on with the other.
+            _refuse_steps(
+                self.path, self._growing_journals(JOURNALS[1:] if name == JOURNAL else JOURNALS[:1])
+            )
         # A step of a comparison that is resumed may not have begun.
         resume = self.resume and (name == JOURNAL or growing.is_file() or committed.is_file())
         journal = journal_in_run(growing, committed=committed, resume=resume, note=self._note)
         self._journals.append(journal)
         return journal
+
+    def _growing_journals(self, patterns: Iterable[str]) -> Iterator[Path]:
+        """Journals of the unfinished run, which grow beside a complete one as NAME.new."""
+        endings = (NEW,) if self._earlier is not None and self._earlier.is_complete else (NEW, "")
+        names = (f"{pattern}{ending}" for pattern in patterns for ending in endings)
+        return chain.from_iterable(map(self.folder.glob, names))
 
     def growing(self, name: str) -> Path:
         """Path at which a file of this run grows, in a folder that is there."""
@@ -213,8 +234,7 @@ class RunAtWork:
     def grown(self, name: str) -> Path:
         """Path of a file that has grown in this run, or is in the run that is resumed; it need not be there."""
         path = self.growing(name)
-        is_before = self.resume and name in self._listed and not path.is_file()
-        return self.folder / name if is_before else path
+        return self.folder / name if name in self._continued and not path.is_file() else path
 
     @property
     def step_journals(self) -> list[str]:
@@ -245,7 +265,13 @@ class RunAtWork:
             journal.close()
         with _explained(self.path):
             self.check_losses()
-            listed = {name: digest_at(name, path) for name in grown if (path := self.grown(name)).is_file()}
+            paths = {name: self.grown(name) for name in grown}
+            # A journal without a line only says that the run has begun.
+            listed = {
+                name: digest_at(name, path)
+                for name, path in paths.items()
+                if path.is_file() and path.stat().st_size
+            }
             replaced: dict[str, str | None] = {}
             if self._earlier is not None:
                 # Files of the run before with their digests, and what else has a name of such a file.
@@ -257,12 +283,27 @@ class RunAtWork:
         self._locked.close()
 
 
+def _is_begun(path: Path, journals: Iterator[Path], note: Callable[[str], None]) -> bool:
+    """Whether there is a journal to resume; what was killed before its first begins, which is said."""
+    if next(journals, None) is not None:
+        return True
+    note(f"there is nothing to resume in {path}; the run begins")
+    return False
+
+
 def _refuse_steps(path: Path, journals: Iterable[Path]) -> None:
     if steps := sum(map(n_steps, journals)):
         raise JournalError(
             f"{path} has an unfinished run of {counted(steps, 'step')}; run the same command with --resume to "
             "continue it, or with --replace to begin anew"
         )
+
+
+def _make_empty(path: Path) -> None:
+    """Make an empty file, in the place of a link; one that is there is emptied."""
+    if path.is_symlink():
+        path.unlink()
+    os.close(open_to_write(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC))
 
 
 def _remove_if_empty(folder: Path) -> None:
@@ -298,6 +339,7 @@ def addition_journal(
     folder = real_path(path)
     growing, committed = folder / (name + NEW), folder / name
     with adding(folder, name):
+        resume = resume and _is_begun(committed, filter(Path.is_file, (growing, committed)), note)
         if not (resume or replace):
             _refuse_steps(committed, [growing])
         journal = journal_in_run(growing, committed=committed, resume=resume, note=note)
@@ -347,15 +389,16 @@ def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
 
 
 def _sweep(folder: Path, listed: Collection[str]) -> None:
-    """Remove what a run that was cut off has left: every NAME.new, and what grows and is not `listed`."""
+    """Remove what a run that was cut off has left: every NAME.new, and what grows, where they are not `listed`."""
     with suppress(OSError):
-        for name in _files_in(folder, lambda name: name.removesuffix(NEW) in OWN_NAMES):
+        shutil.rmtree(chunks_beside(folder / JOURNAL), ignore_errors=True)
+        names = _files_in(folder, lambda name: name.removesuffix(NEW) in OWN_NAMES)
+        for name in sorted(names, key=lambda name: name.removesuffix(NEW) == JOURNAL):
             # Journals grow, and histories; a copy that is kept of a changed one is the owner's.
             kind = PurePath(name)
             grows = kind.suffix == ".jsonl" or (kind.suffix == ".nc" and kind.parts[0] == HISTORIES)
-            if name.endswith(NEW) or (grows and name != CHAIN and name not in listed):
+            if (name.endswith(NEW) or (grows and name != CHAIN)) and name not in listed:
                 (folder / name).unlink(missing_ok=True)
-        shutil.rmtree(chunks_beside(folder / JOURNAL), ignore_errors=True)
         for name in (HISTORIES, MODELS):
             for path in sorted((folder / name).glob("**"), reverse=True):
                 _remove_if_empty(path)

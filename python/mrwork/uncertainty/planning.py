@@ -191,7 +191,7 @@ class LinearisedPosterior:
             theta=theta[: len(without.form.box.names)],
             precision=precision[:n_own, :n_own] - taken,
             weight=weight / len(objective.tests),
-            each=fit.settings.effects_of_each,
+            each=fit.settings.observing.of_each,
             threads=threads,
         )
 

@@ -24,7 +24,6 @@ from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
 from mrwork.records.likeness import RecordedMotion, alike_groups
-from mrwork.records.observation import FREE
 from mrwork.store.codec import built, digest_of, json_document, plain
 from mrwork.store.long_call import LongCall
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, RunFolder
@@ -260,7 +259,7 @@ def cross_validated(
     settings, call = opened.fit.settings.again, LongCall[None](on_progress=on_progress)
     if effects := opened.fit.effect_values:
         # What all tests have told of them the others are to tell.
-        settings = settings.with_effects(dict.fromkeys(effects, FREE))
+        settings = settings.with_effects(dict.fromkeys(effects))
 
     def report(number: int, within: Progress | None) -> None:
         fold = f"{leave_out} {missing[number] + 1} of {len(rests)}"

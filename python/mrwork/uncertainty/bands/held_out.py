@@ -58,12 +58,12 @@ def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) 
 
 def _held_out(fit: Fit, predictions: Sequence[Prediction], calibration: Calibration | None) -> Predictions:
     """Predictions of held-out tests that were read from a file, which has nothing of the fit."""
-    words = fit.settings.observe
+    observing = fit.settings.observing
     judged = [
-        with_others(replace(each, outside=fit.outside(each.test, each.model_force)), fit, words)
+        with_others(replace(each, outside=fit.outside(each.test, each.model_force)), fit, observing)
         for each in predictions
     ]
-    return Predictions.about(fit, judged, observe=words, calibration=calibration, level=LEVEL)
+    return Predictions.about(fit, judged, observe=observing, calibration=calibration, level=LEVEL)
 
 
 def keep_held_out(path: Path, predictions: Predictions) -> bool:

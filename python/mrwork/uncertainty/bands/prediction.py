@@ -26,7 +26,7 @@ from mrwork.records import DamperTest, Likeness, observed
 from mrwork.records.damper_test import command_groups, range_of_test
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
-from mrwork.records.observation import AS_IT_IS, Observation, effects_of_each
+from mrwork.records.observation import AS_IT_IS, Observation, Observing
 
 IN_WORDS: dict[Fold, str] = {
     "test": "each predicted without itself",
@@ -191,16 +191,16 @@ def predictions_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Prediction, .
     theta = np.array(fit.theta)
     tests = [fit.observed(test) for test in tests]
     forces = fit.forces or tuple(
-        free_run(fit.spec, theta, test, each=fit.settings.effects_of_each)[0] for test in tests
+        free_run(fit.spec, theta, test, each=fit.settings.observing.of_each)[0] for test in tests
     )
     return tuple(Prediction(test=test, model_force=force) for test, force in zip(tests, forces, strict=True))
 
 
-def with_others(prediction: Prediction, fit: Fit, observe: Sequence[str]) -> Prediction:
+def with_others(prediction: Prediction, fit: Fit, observing: Observing) -> Prediction:
     """The prediction with the forces of the other fits that are as good, without those that cannot be simulated."""
     test, forces = prediction.test, [prediction.model_force]
     for other in fit.others:
-        observed = ObservedTest.of(other.spec, test, effects_of_each(observe))
+        observed = ObservedTest.of(other.spec, test, observing.of_each)
         with suppress(SimulationError):
             forces.append(observed.predict_force(np.array(other.theta))[0])
     if len(forces) == 1:
@@ -217,12 +217,12 @@ def with_others(prediction: Prediction, fit: Fit, observe: Sequence[str]) -> Pre
 
 
 def predict_test(
-    fit: Fit, test: DamperTest, observe: Sequence[str] | None = None, substep_factor: int = 1
+    fit: Fit, test: DamperTest, observing: Observing | None = None, substep_factor: int = 1
 ) -> Prediction:
     """A prediction without a warning, with `substep_factor` times as many integration steps."""
-    words = fit.settings.observe if observe is None else observe
-    test = observed(test, words)
-    compared = ObservedTest.of(fit.spec, test, effects_of_each(words))
+    observing = observing or fit.settings.observing
+    test = observed(test, observing)
+    compared = ObservedTest.of(fit.spec, test, observing.of_each)
     with explain_failures(fit, test):
         force, estimated, substeps = compared.predict_force(
             np.array(fit.theta), substep_factor=substep_factor

@@ -21,7 +21,7 @@ from mrwork.identification.problem import ignored_commands
 from mrwork.identification.residual import estimated_in_words, refuse_free, unestimated_effects
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import likenesses_in_words
-from mrwork.records.observation import as_words, effects_of_each
+from mrwork.records.observation import Observe, Observing
 from mrwork.uncertainty.bands.band import Band, BandScore, score
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, predict_test, with_others
@@ -104,7 +104,7 @@ class Predictions(Summarised):
 
     fit: Fit
     rows: tuple[PredictedTest, ...]
-    observe: Sequence[str]
+    observe: Observing
     level: float | None = None
     basis: str = ""
     remarks: tuple[Remark, ...] = ()
@@ -115,7 +115,7 @@ class Predictions(Summarised):
         fit: Fit,
         tests: Sequence[DamperTest],
         *,
-        observe: str | Sequence[str] | None = None,
+        observe: Observe | None = None,
         substep_factor: Annotated[int, Within(least=1, most=256)] = 1,
         calibration: Calibration | None = None,
         level: Level | None = None,
@@ -130,14 +130,14 @@ class Predictions(Summarised):
             Also give the half width and the coverage of the prediction band of this level, such as 0.9; needs a
             calibration.
         """
-        words = fit.settings.observe if observe is None else as_words(observe)
+        observing = fit.settings.observing if observe is None else Observing.of(observe)
         # What the fit has weighed is decided.
-        if words != fit.settings.observe:
-            refuse_free(words, "a prediction")
+        if observing != fit.settings.observing:
+            refuse_free(observing, "a prediction")
         predictions = [
-            with_others(predict_test(fit, test, words, substep_factor), fit, words) for test in tests
+            with_others(predict_test(fit, test, observing, substep_factor), fit, observing) for test in tests
         ]
-        return cls.about(fit, predictions, observe=words, calibration=calibration, level=level)
+        return cls.about(fit, predictions, observe=observing, calibration=calibration, level=level)
 
     @classmethod
     def about(
@@ -145,7 +145,7 @@ class Predictions(Summarised):
         fit: Fit,
         predictions: Sequence[Prediction],
         *,
-        observe: Sequence[str],
+        observe: Observing,
         calibration: Calibration | None,
         level: float | None,
     ) -> Predictions:
@@ -193,7 +193,7 @@ class Predictions(Summarised):
         """What the command, the observation and the tested ranges of the fit say against the predictions."""
         cases = [(prediction.test.label, prediction.outside) for prediction in self.predictions]
         tests = [prediction.test for prediction in self.predictions]
-        yield from unestimated_effects(self.fit.settings.observe, self.observe)
+        yield from unestimated_effects(self.fit.settings.observing, self.observe)
         yield from ignored_commands(self.fit.spec, tests)
         for exceedance, label, count in worst_of(cases):
             files = f"; outside on {count} of {len(tests)} files" if len(tests) > 1 else ""
@@ -249,7 +249,7 @@ class Predictions(Summarised):
         return {
             "model": self.fit.model,
             "files": [as_json(self._columns, row) for row in self.rows],
-            "observe": self.observe,
+            "observe": self.observe.words,
             "remarks": list(map(asdict, self.remarks)),
             **{name: asdict(spread) for name, spread in spreads.items() if spread is not None},
             **{name: text for name, text in named(self, "sets_apart", "basis").items() if text},
@@ -261,7 +261,7 @@ class Predictions(Summarised):
 
     def _summary(self) -> Summary:
         notes = [self.spread.in_words] if len(self.predictions) > 1 else []
-        if each := effects_of_each(self.observe):
+        if each := self.observe.of_each:
             notes.append(f"Estimated from the measured force of each test: {estimated_in_words(each)}.")
         notes += [f"{self.sets_apart}."] if self.sets_apart else []
         if self.basis:
@@ -288,13 +288,13 @@ def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
 
 
 @overload
-def predict(fit: Fit, test: DamperTest, *, observe: str | Sequence[str] | None = None) -> Prediction: ...
+def predict(fit: Fit, test: DamperTest, *, observe: Observe | None = None) -> Prediction: ...
 @overload
 def predict(
     fit: Fit,
     test: Sequence[DamperTest],
     *,
-    observe: str | Sequence[str] | None = None,
+    observe: Observe | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,
 ) -> Predictions: ...
@@ -303,7 +303,7 @@ def predict(
     fit: Fit,
     test: DamperTest | Sequence[DamperTest],
     *,
-    observe: str | Sequence[str] | None = None,
+    observe: Observe | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,
 ) -> Prediction | Predictions:

@@ -338,11 +338,11 @@ def choose_model(
     >>> print(choice.ranking.sentence)  # doctest: +SKIP
     """
     settings = settings or FitSettings()
-    if settings.starts or settings.free_effects:
+    if settings.starts or settings.observing.free:
         raise SettingError(
             "`starts` and free effects of `observe` are of one model; leave them out where models are compared"
         )
-    tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
+    tests = tuple(observed(test, settings.observing) for test in as_tests(tests))
     specs, remarks, screened = compared_models(
         models, tests, settings, threads=threads, on_progress=on_progress, journal_of=journal_of
     )

@@ -36,7 +36,7 @@ from mrwork.identification.excerpts import middle_excerpts, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
-from mrwork.records.observation import FREE, NONE, WEIGH, Effect
+from mrwork.records.observation import AS_RECORDED, Effect
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.choice.folds import FoldedFit, Folds
 from mrwork.uncertainty.choice.objections import dying_laws
@@ -163,13 +163,12 @@ class LawSearch:
     @property
     def excerpt_settings(self) -> FitSettings:
         """Settings for the excerpts, which have the observation models of their whole records, on time."""
-        return replace(self.settings, observe=(NONE,))
+        return replace(self.settings, observe=AS_RECORDED)
 
     @property
     def first_settings(self) -> FitSettings:
         """Those for the first laws, with which effects on the recorded force are fitted that are free, or that pay."""
-        words = [word for word in self.settings.observe if word == WEIGH or word.endswith(f"={FREE}")]
-        return replace(self.settings, observe=words or (NONE,))
+        return replace(self.settings, observe=self.settings.observing.to_fit)
 
     @property
     def first_laws(self) -> LawSet:

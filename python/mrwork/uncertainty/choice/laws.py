@@ -339,7 +339,7 @@ def choose_laws(
     >>> mr.choose_laws("normalised_bouc_wen", tests).ranking  # doctest: +SKIP
     """
     settings = settings or FitSettings()
-    tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
+    tests = tuple(observed(test, settings.observing) for test in as_tests(tests))
     specs, remarks, screened = compared_models(
         model, tests, settings, threads=threads, on_progress=on_progress, journal_of=journal_of
     )

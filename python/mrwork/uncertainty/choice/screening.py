@@ -187,7 +187,7 @@ def screen_families(
     >>> mr.choose_laws("screened", tests)  # doctest: +SKIP
     """
     settings = settings or FitSettings()
-    tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
+    tests = tuple(observed(test, settings.observing) for test in as_tests(tests))
     screening = Screening.of(tests, settings, threads)
     if screening is None:
         return ()

@@ -104,7 +104,7 @@ class SamplingProblem:
                 name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload] # priors are dataclasses
                 for name, prior in sorted(self.priors.items())
             },
-            "each": [effect.name for effect in objective.settings.effects_of_each],
+            "each": [effect.name for effect in objective.settings.observing.of_each],
             "temper": self.target.temper,
             "start": digest_of(self.target.start),
             "walkers": self.walkers,
