@@ -18,7 +18,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, POLYNOMIAL_FORMS, CommandLaw, CurveForm, LawName
-from mrwork.dampers.parameters import ParamSpec, Scale
+from mrwork.dampers.parameters import Lag, ParamSpec, Scale
 from mrwork.dampers.spec import DamperSpec, hidden_extrema, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
@@ -125,9 +125,9 @@ class LawSearch:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         return self._laws_of("log")
 
-    def leave_lag_out(self) -> None:
-        """Go on without the lag of the driver."""
-        excerpts = self.folds.excerpts.with_laws(with_changed_laws(self.folds.model, lagged=False))
+    def take_lag(self, lag: Lag) -> None:
+        """Go on with the lag of the driver that the first laws show."""
+        excerpts = self.folds.excerpts.with_laws(with_changed_laws(self.folds.model, lag=lag))
         self.folds = replace(self.folds, excerpts=excerpts)
         self.models.clear()
 
@@ -386,7 +386,7 @@ class LawSearch:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
         if (key := _key_of(laws)) not in self.models:
             spec = with_changed_laws(
-                self.plain.with_current_laws({}, unit=self.folds.unit, lagged=self.folds.model.lagged),
+                self.plain.with_current_laws({}, unit=self.folds.unit, lag=self.folds.model.lag),
                 laws_at(self.given | laws, self.folds.commands),
             )
             form = identifiable_form(spec, self.settings.bounds)
@@ -461,7 +461,9 @@ def prepare_search(
         degree = min(MOST_DEGREE, len(commands) - 1)
         commands = np.array(CommandLaw(degree).at_commands(commands.tolist()).nodes)
         full = {each.name: CommandLaw(degree, form=_first_form(each)) for each in plain.parameters}
-        linear = plain.with_current_laws(laws_at(full, commands), unit=unit, lagged=lagged)
+        linear = plain.with_current_laws(
+            laws_at(full, commands), unit=unit, lag="one_rate" if lagged else "none"
+        )
     else:
         levels = np.searchsorted(commands, tested.set_points)
     excerpts = Objective.of(spec, short, settings, threads=threads)
