@@ -58,7 +58,7 @@ def valve(building: mr.Building, storey: str, model: str, law: Any, **parameters
     """A device of which one parameter, with several coefficients, follows a command of 0 to 1 behind a lag."""
     plain = mr.damper(model)
     driven = {name: law for name, values in parameters.items() if np.size(values) > 1}
-    spec = plain.with_current_laws(driven, unit="V", lagged=True)
+    spec = plain.with_current_laws(driven, unit="V", lag="one_rate")
     theta = np.hstack([*(parameters.get(name, 0.0) for name in plain.names), DRIVER_RATE])
     return device(building, storey, spec, theta, largest_command=1.0)
 

@@ -59,7 +59,7 @@ constants = np.array(spec.preset("kwok2006").theta[:12])
 laws = {"c": "linear", "k": "linear", "alpha": "quadratic", "delta": "linear"}
 pair = mr.Device(
     name="pair",
-    spec=spec.with_current_laws(laws, lagged=True),
+    spec=spec.with_current_laws(laws, lag="one_rate"),
     theta=[*constants, LAG],
     row=uts.storeys[0],
     largest_command=LARGEST,

@@ -98,20 +98,20 @@ def misfits(
     force: _Floats,
     first: int = 0,
     laws: list[str] | None = None,
-    lagged: bool = False,
+    rates: int = 0,
     substep_factor: int = 1,
     threads: int = 0,
     limits: _Floats | None = None,
 ) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint64]]: ...
 def stiffness_shares(
-    model: str, theta: _Floats, loading: LoadingHistory, laws: list[str] | None = None, lagged: bool = False
+    model: str, theta: _Floats, loading: LoadingHistory, laws: list[str] | None = None, rates: int = 0
 ) -> _Floats: ...
 def force_histories(
     model: str,
     theta: _Floats,
     loading: LoadingHistory,
     laws: list[str] | None = None,
-    lagged: bool = False,
+    rates: int = 0,
     substep_factor: int = 1,
     threads: int = 0,
 ) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32]]: ...
@@ -120,7 +120,7 @@ def damper_text(
     coefficients: list[str],
     step: float,
     laws: list[str] | None = None,
-    lagged: bool = False,
+    rates: int = 0,
     single: bool = False,
 ) -> dict[str, Any]: ...
 def elementary_functions() -> str: ...
@@ -133,7 +133,7 @@ def straight_forces(
     dt: float,
     substeps: int,
     laws: list[str] | None = None,
-    lagged: bool = False,
+    rates: int = 0,
 ) -> _Floats | None: ...
 def law_text(looped: Any, single: bool = False) -> dict[str, Any]: ...
 def law_readings(looped: Any) -> list[tuple[str, int]]: ...
@@ -144,7 +144,7 @@ def sensitivities(
     loading: LoadingHistory,
     columns: list[int] | None = None,
     laws: list[str] | None = None,
-    lagged: bool = False,
+    rates: int = 0,
     substep_factor: int = 1,
     threads: int = 0,
 ) -> tuple[_Floats, _Floats, NDArray[np.uint8], NDArray[np.uint32]]: ...
@@ -179,12 +179,12 @@ class Dampers:
         differential: Sequence[bool],
         ranges: Sequence[tuple[float, float]],
         laws: Sequence[str] | None = None,
-        lagged: bool = False,
+        rates: int = 0,
     ) -> Dampers: ...
 
 @final
 class ForceCurve:
-    def __new__(cls, laws: Sequence[str], theta: _Floats, lagged: bool = False) -> ForceCurve: ...
+    def __new__(cls, laws: Sequence[str], theta: _Floats, rates: int = 0) -> ForceCurve: ...
 
 @final
 class LoopModel:

@@ -1,5 +1,7 @@
 """A device takes what the table of a damper in a study takes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,12 +30,20 @@ def test_a_lag_is_that_of_the_table_of_a_study() -> None:
     table = {"storey": 1, "preset": "kwok2006", "lag": 190.0}
     motion = mr.synthetic_motion(duration=1.0)
     (wanted,) = mr.study_of(building=FRAME, dampers=[table], motions=[motion]).devices
-    spec = with_changed_laws(wanted.spec, lagged=False)
+    spec = with_changed_laws(wanted.spec, lag="none")
     plain = np.asarray(wanted.theta)[..., :-1]
     facts = {"name": "a", "row": ROW, "largest_command": 1.0}
     made = mr.Device(spec=spec, theta=plain, lag=190.0, **facts)
     assert made.spec == wanted.spec
     assert np.array_equal(made.draws, wanted.draws)
+    # A rate of a rising and one of a falling current; a linear loop takes the slower.
+    both = mr.Device(spec=spec, theta=plain, lag=(190.0, 60.0), **facts)
+    assert both.spec.names[-2:] == ("eta_rise", "eta_fall")
+    assert both.draws[0, -2:].tolist() == [190.0, 60.0]
+    problem = mr.control.DesignProblem(
+        building=FRAME, devices=[replace(both, row=FRAME.storeys[0])], sample_time=1e-3
+    )
+    assert problem.driver_rates == (60.0,)
     # Instead of one that the parameters have.
     other = mr.Device(spec=wanted.spec, theta=wanted.theta, lag=50.0, **facts)
     assert other.draws[0, -1] == 50.0
@@ -43,7 +53,7 @@ def test_a_lag_is_that_of_the_table_of_a_study() -> None:
 def test_the_coil_current_of_a_simulated_test_begins_at_the_first_command() -> None:
     """With a constant command the lag changes nothing: the current is there from the start."""
     plain = mr.damper("bingham").with_current_laws({"f_c": "linear"})
-    lagged = mr.damper("bingham").with_current_laws({"f_c": "linear"}, lagged=True)
+    lagged = mr.damper("bingham").with_current_laws({"f_c": "linear"}, lag="one_rate")
     time = np.linspace(0.0, 1.0, 1001)
     motion = mr.Loading(
         dt=1e-3,

@@ -27,6 +27,7 @@ from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, si
 from mrwork.closed_loop.hardware import refuse_unread
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.control.linear.plant import accelerations, deformations, plant_of, stack_outputs
+from mrwork.dampers.parameters import Lag
 from mrwork.motions import GroundMotion
 from tests.control.law_formulas import Recorded, commands
 
@@ -35,10 +36,14 @@ Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 N_NOISE = 20_000
 
 
-def onlookers(n: int = 2, *, lagged: bool = True) -> list[mr.Device]:
+# Rate of a falling current where it has its own [1/s].
+FALL = 0.3 * LAG
+
+
+def onlookers(n: int = 2, *, lag: Lag = "one_rate") -> list[mr.Device]:
     """Dashpots that do not care for their command, so that nothing of it comes back to the building."""
-    spec = mr.damper("bingham").with_current_laws({"c0": "linear"}, lagged=lagged)
-    theta = [1e-3, 1e2, 2000.0, 0.0, 0.0, LAG][: 6 if lagged else 5]
+    spec = mr.damper("bingham").with_current_laws({"c0": "linear"}, lag=lag)
+    theta = [1e-3, 1e2, 2000.0, 0.0, 0.0, LAG, FALL][: 5 + spec.n_rates]
     rows = five_storeys().storeys
     return [
         mr.Device(name=f"onlooker {i}", spec=spec, theta=theta, row=rows[i], largest_command=LARGEST)
@@ -58,7 +63,7 @@ def read(command: Floats, scale: float) -> Floats:
 
 
 def test_a_command_arrives_after_the_delay_and_not_before() -> None:
-    loop, law = onlookers(lagged=False), gauge(0.02)
+    loop, law = onlookers(lag="none"), gauge(0.02)
     prompt = run_of(loop, law, Hardware())
     np.testing.assert_array_equal(prompt.current, prompt.command)
     for delay, samples in ((1e-3, 1), (1.5e-3, 2), (3e-3, 3), (7e-3, 7)):
@@ -70,12 +75,13 @@ def test_a_command_arrives_after_the_delay_and_not_before() -> None:
 
 @pytest.mark.parametrize("delay", [0.0, 5e-4, 1.5e-3, 2e-3])
 @pytest.mark.parametrize("factor", [1, 4])
+@pytest.mark.parametrize(("lag", "fall"), [("one_rate", LAG), ("two_rates", FALL)])
 def test_the_coil_follows_the_command_by_its_lag_from_the_instant_it_arrives(
-    delay: float, factor: int
+    delay: float, factor: int, lag: Lag, fall: float
 ) -> None:
     response = simulate_loop(
         five_storeys(),
-        onlookers(),
+        onlookers(lag=lag),
         gauge(0.02),
         [sweep(1.0)],
         Hardware(delay=delay),
@@ -90,7 +96,8 @@ def test_the_coil_follows_the_command_by_its_lag_from_the_instant_it_arrives(
         # In the first part of the sample the command before is still in force.
         for late, duration in ((whole + 1, rest * 5e-4), (whole, (2 - rest) * 5e-4)):
             held = run.command[max(k - late, 0)]
-            current = held + (current - held) * np.exp(-LAG * duration)
+            rate = np.where(current < held, LAG, fall)
+            current = held + (current - held) * np.exp(-rate * duration)
 
 
 def test_the_command_changes_no_faster_than_its_rate() -> None:

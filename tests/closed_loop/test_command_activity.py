@@ -191,7 +191,7 @@ def test_laws_of_accelerations_isolate_above_resonance_better_than_any_of_their_
     """One storey at 3 Hz, damping ratio 0.05 to 0.8: rms absolute acceleration under a harmonic ground."""
     mass, frequency = 300.0, 2.0 * np.pi * 3.0
     storey = mr.buildings.shear_building(name="storey", masses=[mass], stiffnesses=[mass * frequency**2])
-    dashpot = mr.damper("bingham").with_current_laws({"c0": "linear"}, lagged=False)
+    dashpot = mr.damper("bingham").with_current_laws({"c0": "linear"}, lag="none")
     c = 2.0 * mass * frequency
     theta = [1e-6, 1e-2, 0.05 * c, 0.75 * c, 0.0]
     device = mr.Device(name="dashpot", spec=dashpot, theta=theta, row=storey.storeys[0], largest_command=1.0)

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 import mrwork as mr
 from mrwork import Device
 from mrwork.buildings.groups import groups_of
+from mrwork.dampers.parameters import DRIVER_RATES, Lag
 
 PLAIN = mr.damper("bingham")
 STOREYS = five_storeys().storeys
@@ -37,12 +38,10 @@ LAWS: Mapping[str, tuple[float, ...]] = {
 }
 
 
-def group(
-    law: str, *, storey: int = 0, largest: float = 1.5, unit: str = "A", lagged: bool = False
-) -> Device:
+def group(law: str, *, storey: int = 0, largest: float = 1.5, unit: str = "A", lag: Lag = "none") -> Device:
     """A damper whose yield force follows the command by a law, and its dashpot by a straight line."""
-    spec = PLAIN.with_current_laws({"f_c": law, "c0": "linear"}, unit=unit, lagged=lagged)
-    theta = [*LAWS[law], 0.02, 200.0, 500.0, 0.0, *([190.0] if lagged else [])]
+    spec = PLAIN.with_current_laws({"f_c": law, "c0": "linear"}, unit=unit, lag=lag)
+    theta = [*LAWS[law], 0.02, 200.0, 500.0, 0.0, *[190.0, 60.0][: spec.n_rates]]
     row = five_storeys().storeys[storey]
     return Device(name=law, spec=spec, theta=theta, row=row, largest_command=largest)
 
@@ -59,10 +58,10 @@ def assert_same_runs(one: mr.Responses, other: mr.Responses, rtol: float) -> Non
         np.testing.assert_allclose(other.numbers[name], numbers, rtol=rtol, atol=1e-9 * rtol, err_msg=name)
 
 
-@pytest.mark.parametrize("lagged", [False, True])
-def test_a_group_by_another_law_has_the_forces_of_its_curve(lagged: bool) -> None:
+@pytest.mark.parametrize("lag", DRIVER_RATES)
+def test_a_group_by_another_law_has_the_forces_of_its_curve(lag: Lag) -> None:
     # 20 + 300 u of the yield force, by its coefficients, by values, and as a cubic.
-    straight = group("linear", lagged=lagged), replace(group("linear", lagged=lagged), row=STOREYS[1])
+    straight = group("linear", lag=lag), replace(group("linear", lag=lag), row=STOREYS[1])
     others = {
         "log_linear:0,1": (20.0, 320.0),
         "linear:0,2": (20.0, 620.0),
@@ -71,7 +70,7 @@ def test_a_group_by_another_law_has_the_forces_of_its_curve(lagged: bool) -> Non
         "cubic": (20.0, 300.0, 0.0, 0.0),
     }
     for law, coefficients in others.items():
-        spec = PLAIN.with_current_laws({"f_c": law, "c0": "linear"}, unit="A", lagged=lagged)
+        spec = PLAIN.with_current_laws({"f_c": law, "c0": "linear"}, unit="A", lag=lag)
         theta = [*coefficients, *np.asarray(straight[1].theta)[2:]]
         if law == "log_linear:0,1":
             theta[:2] = [20.0, 20.0]
@@ -99,10 +98,10 @@ def test_neighbours_of_one_model_are_a_group() -> None:
 
 def bingham_and_dahl() -> tuple[Device, Device]:
     """Two models across the first two storeys, each with a lag of its own."""
-    spec = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A", lagged=True)
+    spec = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A", lag="one_rate")
     theta = [50.0, 700.0, 2000.0, 0.0, 60.0]
     dahl = Device(name="dahl", spec=spec, theta=theta, row=STOREYS[1], largest_command=1.0)
-    return group("quadratic", lagged=True), dahl
+    return group("quadratic", lag="one_rate"), dahl
 
 
 def test_two_models_in_one_frame_are_those_of_scipy() -> None:

@@ -62,7 +62,7 @@ def test_constant_commands_behind_lag_and_delay_with_histories() -> None:
     runs = [
         mr.simulate_loop(
             FRAME,
-            [device(plain.with_current_laws(LOOP_LAWS, lagged=True), LOOP_THETA, count=1.5)],
+            [device(plain.with_current_laws(LOOP_LAWS, lag="one_rate"), LOOP_THETA, count=1.5)],
             LEVELS,
             MOTIONS,
             LATE,
@@ -78,7 +78,7 @@ def test_two_differential_pairs_with_states_under_a_law_that_switches() -> None:
     law = mr.ControlLaw(name="lyapunov", gains={"weight": [*WEIGHT, [0.1, 0.2, 0.4, -0.8]]})
     runs = []
     for plain in LOOP:
-        first = device(plain.with_current_laws(LOOP_LAWS, lagged=True), LOOP_THETA, differential=True)
+        first = device(plain.with_current_laws(LOOP_LAWS, lag="one_rate"), LOOP_THETA, differential=True)
         second = replace(first, name="second", row=FRAME.storeys[1], count=2.0)
         runs.append(mr.simulate_loop(FRAME, [first, second], law, MOTIONS[:1], LATE))
     agree(*runs)
@@ -93,7 +93,7 @@ def test_a_damper_of_the_user_beside_dampers_of_the_package_one_of_which_holds_a
     passive = mr.Device(name="passive", spec=maxwell, theta=maxwell.nominal, row=FRAME.storeys[1])
     runs = []
     for plain in LOOP:
-        spec = plain.with_current_laws(LOOP_LAWS, lagged=True)
+        spec = plain.with_current_laws(LOOP_LAWS, lag="one_rate")
         first = device(spec, LOOP_THETA)
         held = replace(first, name="held", row=FRAME.storeys[1], command=0.7, differential=True)
         loop = [first, beside, held, passive]

@@ -10,8 +10,10 @@ from refusals import refusal
 
 from mrwork import _rust
 from mrwork.dampers import damper
-from mrwork.dampers.laws import named_laws
-from mrwork.dampers.simulation import Outcome, simulate_force, simulate_forces
+from mrwork.dampers.laws import CurrentLaws, named_laws
+from mrwork.dampers.parameters import DRIVER_RATES
+from mrwork.dampers.simulation import Loading, Outcome, simulate_force, simulate_forces
+from mrwork.store import codec
 from mrwork.twins.models import parameters_at
 from mrwork.twins.own_stepping import simulate
 from mrwork.twins.record_arrays import RecordArrays
@@ -36,20 +38,23 @@ def followed(spec):
     return [parameter.name for parameter in spec.plain if parameter.scale == "log"]
 
 
-def with_laws(spec, *, lagged=False):
+def with_laws(spec, *, lag="none"):
     """The model with a different law for one parameter after the other."""
     laws = {name: LAWS[index % len(LAWS)] for index, name in enumerate(followed(spec))}
-    return spec.with_current_laws(laws, lagged=lagged)
+    return spec.with_current_laws(laws, lag=lag)
 
 
 def theta_of(model):
-    """A fifth more of each followed parameter per ampere, a twentieth of curvature, -1 in exponents, 1.5 in rates."""
+    """A fifth more of each followed parameter per ampere, a twentieth of curvature, -1 in exponents, 1.5 in rates of laws.
+
+    A current falls at a third of the rate at which it rises.
+    """
     values = []
     base = 0.0
     for parameter in model.parameters:
         place = parameter.coefficient
         if place is None or (place.number == 0 and place.command is None):
-            base = parameter.nominal
+            base = parameter.nominal * (0.3 if parameter.name == "eta_fall" else 1.0)
             values.append(base)
         elif place.command is not None:
             values.append(parameter.nominal * (1.0 + 0.2 * place.command + 0.05 * place.command**2))
@@ -73,7 +78,8 @@ def test_coefficients_are_named_after_their_parameter(spec):
     names = {parameter.plain_name for parameter in model.parameters}
     assert names == {parameter.name for parameter in spec.plain}
     assert len(model.names) == len(set(model.names)) > len(spec.names)
-    assert with_laws(spec, lagged=True).names == (*model.names, "eta")
+    assert with_laws(spec, lag="one_rate").names == (*model.names, "eta")
+    assert with_laws(spec, lag="two_rates").names == (*model.names, "eta_rise", "eta_fall")
 
 
 def test_held_command_is_the_plain_model_at_its_values(spec):
@@ -89,16 +95,16 @@ def test_held_command_is_the_plain_model_at_its_values(spec):
 
 
 def test_a_constant_array_is_a_held_command_bit_for_bit(spec):
-    model = with_laws(spec, lagged=True)
+    model = with_laws(spec, lag="one_rate")
     theta = theta_of(model)
     held = simulate_force(model, theta, replace(noise(), command=0.7, command_unit="A"))
     array = simulate_force(model, theta, replace(noise(), command=np.full(N_TIME, 0.7), command_unit="A"))
     np.testing.assert_array_equal(held, array)
 
 
-@pytest.mark.parametrize("lagged", [False, True])
-def test_twin_agrees_under_a_stepped_command(spec, lagged):
-    model = with_laws(spec, lagged=lagged)
+@pytest.mark.parametrize("lag", DRIVER_RATES)
+def test_twin_agrees_under_a_stepped_command(spec, lag):
+    model = with_laws(spec, lag=lag)
     theta = theta_of(model)
     history = replace(sine(), command=stepped_command(), command_unit="A").history()
     run = simulate_forces(model, theta[None], history)
@@ -114,7 +120,7 @@ def test_twin_agrees_under_a_stepped_command(spec, lagged):
 
 def test_a_fast_driver_is_no_driver(spec):
     # At 1e5 1/s a step of the command is followed within a hundredth of a sample.
-    model, lagged = with_laws(spec), with_laws(spec, lagged=True)
+    model, lagged = with_laws(spec), with_laws(spec, lag="one_rate")
     loading = replace(sine(), command=stepped_command(), command_unit="A")
     theta = theta_of(model)
     immediate = simulate_force(model, theta, loading)
@@ -130,8 +136,53 @@ def test_a_fast_driver_is_no_driver(spec):
     assert np.max(np.abs(fast - immediate)[after]) < 0.1 * behind
 
 
+def test_a_current_rises_by_one_rate_and_falls_by_the_other() -> None:
+    """The force of a dashpot whose damping is the current: exponentials from sample to sample."""
+    dt, rise, fall = 1e-3, 200.0, 60.0
+    sent = np.repeat([0.0, 1.0, 0.4, 0.9, 0.0, 0.7], 40)
+    current = [sent[0]]
+    for command in sent[:-1]:
+        rate = rise if current[-1] < command else fall
+        current.append(command + (current[-1] - command) * np.exp(-rate * dt))
+    model = damper("bingham").with_current_laws({"c0": "linear"}, lag="two_rates")
+    time = dt * np.arange(sent.size)
+    motion = Loading(
+        dt=dt, displacement=0.1 * time, velocity=np.full(sent.size, 0.1), command=sent, command_unit="A"
+    )
+    values = {
+        "f_c": 1e-3,
+        "v_s": 1e2,
+        "c0.0": 1e4,
+        "c0.1": 1e3,
+        "f0": 0.0,
+        "eta_rise": rise,
+        "eta_fall": fall,
+    }
+    force = simulate_force(model, [values[name] for name in model.names], motion)
+    np.testing.assert_allclose((force / 0.1 - 1e4) / 1e3, current, atol=1e-6)
+
+
+def test_laws_of_files_have_their_lag_also_those_written_before_it_had_two_rates() -> None:
+    spec = damper("dahl").with_current_laws({"k_w": "linear"}, lag="two_rates")
+    assert codec.built(CurrentLaws, codec.plain(spec.current_laws)).lag == "two_rates"
+    for lagged, lag in ((True, "one_rate"), (False, "none")):
+        earlier = {"unit": "A", "laws": ["linear", "constant", "constant"], "lagged": lagged}
+        assert codec.built(CurrentLaws, earlier).lag == lag
+
+
+def test_equal_rates_are_one_rate_bit_for_bit(spec):
+    one, two = (with_laws(spec, lag=lag) for lag in ("one_rate", "two_rates"))
+    history = replace(sine(), command=stepped_command(), command_unit="A").history()
+    theta = theta_of(with_laws(spec))
+    forces = [
+        simulate_forces(model, np.append(theta, rates)[None], history).force
+        for model, rates in ((one, [40.0]), (two, [40.0, 40.0]))
+    ]
+    np.testing.assert_array_equal(*forces)
+
+
 def test_rows_of_a_batch_are_independent_under_a_stepped_command(spec):
-    model = with_laws(spec, lagged=True)
+    model = with_laws(spec, lag="two_rates")
     history = replace(sine(n_time=150), command=stepped_command()[120:270], command_unit="A").history()
     rng = np.random.default_rng(4)
     theta = theta_of(model) * rng.uniform(0.8, 1.2, (37, len(model.parameters)))
@@ -179,7 +230,7 @@ def test_a_law_is_a_special_case_of_those_that_contain_it():
 
 
 def test_a_coefficient_names_its_parameter_and_number() -> None:
-    model = damper("dahl").with_current_laws({"k_w": "quadratic", "rho": "exponential"}, lagged=True)
+    model = damper("dahl").with_current_laws({"k_w": "quadratic", "rho": "exponential"}, lag="one_rate")
     places = [
         (each.coefficient.parameter, each.coefficient.number) for each in model.parameters if each.coefficient
     ]

@@ -37,7 +37,7 @@ def test_all_parameters_are_given_and_admissible_at_every_command(preset):
         assert np.all(np.isfinite(values))
         for parameter, value in zip(preset.spec.plain, values, strict=True):
             assert parameter.lower <= value <= parameter.upper
-    if preset.spec.lagged:
+    if preset.spec.n_rates:
         assert 0.0 < preset.theta[-1] == preset.theta[preset.spec.names.index("eta")]
 
 

@@ -37,7 +37,7 @@ def theta(spec, history):
 # The chain rule of laws and lag does not know the model but for its states; each wants a compilation.
 @pytest.mark.parametrize("spec", OF_STATES.values(), ids=lambda spec: spec.name)
 def test_coefficients_of_laws_and_the_lag_are_differentiated_too(spec):
-    model = with_laws(spec, lagged=True)
+    model = with_laws(spec, lag="two_rates")
     theta = theta_of(model)
     history = replace(sine(), command=stepped_command(), command_unit="A").history()
     run = simulate_sensitivities(model, theta[None], history)

@@ -52,7 +52,7 @@ def damper_calls(_: Path) -> Calls:
     """Models, boxes and conversions."""
     box = small_sampling().target.form.box
     bouc_wen = mr.damper("bouc_wen").nominal
-    yield call(_BINGHAM.with_current_laws, laws={"f_c": "linear"}, unit="A", lagged=True)
+    yield call(_BINGHAM.with_current_laws, laws={"f_c": "linear"}, unit="A", lag="two_rates")
     yield call(mr.Box, names=("c", "f0"), lower=(1.0, -5.0), upper=(9.0, 5.0), log=(True, False))
     yield call(mr.Box.of(_BINGHAM).with_bounds, bounds={"f_c": (1.0, 2.0)})
     yield call(box.theta_from_unit, unit=np.full((4, len(box.names)), 0.5))

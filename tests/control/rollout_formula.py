@@ -129,7 +129,7 @@ class RolloutInNumPy:
         self.influence, self.floors, self.drifts = building.influence, building.floors, building.drifts
         self.rows = np.array([np.asarray(device.row) for device in devices])
         self.dampers = Dampers(devices)
-        self.lagged = devices[0].spec.lagged
+        self.lagged = devices[0].spec.n_rates
         self.lag = np.array([device.draws[0][-1] if self.lagged else np.inf for device in devices])
         self.largest = np.array([device.largest_command for device in devices])
         g = {name: np.asarray(gain, dtype=np.float64) for name, gain in law.gains.items()}

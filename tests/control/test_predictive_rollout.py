@@ -370,7 +370,7 @@ def test_shears_that_floors_or_the_model_do_not_tell_are_refused() -> None:
 
 
 def test_a_command_without_a_lag_acts_at_once_in_the_copy_too() -> None:
-    loop = devices(rd1005(lagged=False), second=False)
+    loop = devices(rd1005(lag="none"), second=False)
     law = rollout(stiffer(loop), delay=2e-3)
     ours, again = both(law, loop, Hardware(delay=2e-3), 10)
     np.testing.assert_allclose(ours.histories[0].command, again.histories[0].command, rtol=1e-9, atol=1e-9)

@@ -38,7 +38,7 @@ CASES = {
     "elastic": (five_storeys(), devices(rd1005()), OBSERVED, {"force_correction": 0.5}),
     "state": (
         five_storeys(),
-        devices(rd1005(lagged=False), second=False),
+        devices(rd1005(lag="none"), second=False),
         Hardware(delay=0.5e-3),
         {"order": 16},
     ),

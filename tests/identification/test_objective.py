@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mrwork as mr
+from mrwork.dampers.parameters import DRIVER_RATES, Lag
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.objective import NormalEquations, linearise_residuals
 from mrwork.identification.progress import on_every_test
@@ -94,11 +95,11 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("lagged", [False, True])
+@pytest.mark.parametrize("lag", DRIVER_RATES)
 def test_normal_equations_at_constant_commands_are_the_products_of_the_jacobian(
-    test: DamperTest, lagged: bool
+    test: DamperTest, lag: Lag
 ) -> None:
-    model = SPEC.with_current_laws(LAWS, lagged=lagged)
+    model = SPEC.with_current_laws(LAWS, lag=lag)
     rows = model.nominal * np.exp(0.1 * np.random.default_rng(6).standard_normal((3, len(model.names))))
     # A law that leaves its range, which has no slope there.
     rows[2, [model.names.index(f"sigma.{number}") for number in range(3)]] = -1e3, 0.5, 0.3

@@ -36,7 +36,7 @@ DT = 2e-3
 NOISE_N = 8.0
 PLAIN = mr.damper("static_hysteretic")
 LAWS: dict[str, mr.dampers.LawName] = {"c": "linear", "alpha": "quadratic"}
-SPEC = PLAIN.with_current_laws(LAWS, lagged=True)
+SPEC = PLAIN.with_current_laws(LAWS, lag="one_rate")
 TRUTH = {
     **{"c.0": 1000.0, "c.1": 1500.0, "k": 500.0, "alpha.0": 100.0, "alpha.1": 1000.0, "alpha.2": -300.0},
     **{"beta": 60.0, "delta": 1.5, "x_s": 1e-4, "f0": 20.0, "eta": 60.0},
@@ -154,6 +154,62 @@ def test_a_lag_that_was_left_out_is_told() -> None:
     assert lags in ([[Measured(rate, "1/s")], []] for rate in (40.0, 80.0))
 
 
+FREEWHEELING = {"eta_rise": 200.0, "eta_fall": 40.0}
+
+
+@cache
+def freewheeling(command: Course, laws: tuple[tuple[str, mr.dampers.LawName], ...] = ()) -> mr.DamperTest:
+    """A test of the damper whose current falls slower than it rises."""
+    driven = PLAIN.with_current_laws({**LAWS, **dict(laws)}, lag="two_rates")
+    test, values = record(command), TRUTH | FREEWHEELING
+    force = mr.simulate_force(driven, [values[name] for name in driven.names], loading_of(test, driven))
+    return replace(test, force=force + NOISE_N * np.random.default_rng(6).standard_normal(test.n_time))
+
+
+def test_a_current_that_falls_slower_than_it_rises_has_two_rates() -> None:
+    fit = mr.identify(SPEC, freewheeling(random_steps), search=SEARCH, bounds=FIXED)
+    assert fit.spec.lag == "two_rates"
+    assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.05)
+    for name, rate in FREEWHEELING.items():
+        estimate = fit.parameters[name]
+        assert estimate.standard_error is not None
+        assert abs(estimate.value - rate) < 4.0 * estimate.standard_error < 0.2 * rate
+    assert not {each.code for each in fit.remarks} & {"two_rates_at_two_levels", "lag_left_out"}
+
+
+def test_what_is_said_of_one_rate_keeps_a_second_one_away() -> None:
+    fit = mr.identify(SPEC, freewheeling(random_steps), search=SEARCH, bounds=FIXED | {"eta": (1.0, 500.0)})
+    assert fit.spec.lag == "one_rate"
+
+
+def test_two_levels_do_not_tell_two_rates_from_parameters_that_saturate() -> None:
+    straight = PLAIN.with_current_laws({"c": "linear", "alpha": "linear"}, lag="one_rate")
+    test = freewheeling(switching, (("alpha", "linear"),))
+    fit = mr.identify(straight, test, search=SEARCH, bounds=FIXED)
+    (told,) = [each for each in fit.remarks if each.code == "two_rates_at_two_levels"]
+    assert fit.spec.lag == "two_rates"
+    assert fit.parameters["eta_fall"].value == pytest.approx(40.0, rel=0.1)
+    assert "a third command between them, about 0.5 A" in told.message
+    # A test between the levels tells them apart.
+    third = mr.identify(straight, [test, record(0.5)], search=FEW_GENERATIONS, bounds=FIXED)
+    assert "two_rates_at_two_levels" not in {each.code for each in third.remarks}
+
+
+def test_a_lag_that_a_predicted_test_shows_is_told_before_its_motion() -> None:
+    """The tests that were fitted run at constant commands, which show none."""
+    without = PLAIN.with_current_laws(LAWS)
+    constant = [record(level, rng=2) for level in (0.0, 0.5, 1.0)]
+    fit = mr.identify(without, constant, search=FEW_GENERATIONS, bounds=FIXED)
+    # It moves faster than any of them.
+    driven = record(random_steps, frequency=3.0)
+    first, *_ = mr.predict(fit, [driven]).remarks
+    assert first.code == "lag_unfitted"
+    assert first.measured is not None
+    assert 40.0 <= first.measured.value <= 80.0
+    told = [remark.code for remark in mr.predict(fit, [record(0.5, rng=9)]).remarks]
+    assert "lag_unfitted" not in told
+
+
 @cache
 def immediate(command: Course, rng: int = 3) -> mr.DamperTest:
     """A test of the damper without the lag: the coil follows its command at once."""
@@ -168,7 +224,7 @@ def test_a_lag_that_the_tests_do_not_show_is_left_out_and_told(command: Course) 
     # What is said of the lag must not reach the model without it.
     given = {"bounds": FIXED | {"eta": (2.0, 1e4)}, "starts": [TRUTH]}
     fit = mr.identify(SPEC, test, search=SEARCH, **given)
-    assert not fit.spec.lagged
+    assert not fit.spec.n_rates
     assert "eta" not in {*fit.settings.bounds, *fit.settings.starts[0]}
     assert_recovered(fit)
     assert [each.code for each in fit.remarks] == ["lag_left_out"]
@@ -295,7 +351,7 @@ def test_a_choice_without_the_lag_says_the_option_that_takes_it() -> None:
 
 def test_a_lag_that_the_tests_do_not_show_is_not_among_the_chosen_laws() -> None:
     choice = mr.choose_laws(PLAIN, immediate(random_steps), lagged=True, settings=CHEAP, threads=1)
-    assert not choice.best.spec.lagged
+    assert not choice.best.spec.n_rates
     assert "lag_not_shown" in {each.code for each in choice.ranking.remarks}
     refusal(mr.choose_laws, PLAIN, [record(0.0), record(1.0)], lagged=True, match="shows no lag")
 

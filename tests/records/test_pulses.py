@@ -169,7 +169,7 @@ def test_a_lag_that_the_mean_of_pulses_hides_is_not_identifiable(
 ) -> None:
     repaired, _ = repair(pulsed(carrier, sampled)[0], ["pulses"])
     laws = {"f_c": "linear", "c0": "linear"}
-    spec = mr.damper("bingham").with_current_laws(laws, unit="A", lagged=True)
+    spec = mr.damper("bingham").with_current_laws(laws, unit="A", lag="one_rate")
     lag = mr.identify(spec, repaired, rng=1, threads=1).parameters["eta"]
     assert (lag.verdict.word != "not identifiable") is known
     assert known or "mean of pulses over" in lag.verdict.reason

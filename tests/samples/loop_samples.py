@@ -10,6 +10,7 @@ from scipy.signal import lsim
 import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.laws.sliding import SlidingSettings
+from mrwork.dampers.parameters import Lag
 from mrwork.dampers.spec import with_changed_laws
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -24,17 +25,17 @@ def five_storeys() -> mr.Building:
 
 
 @cache
-def rd1005(*, lagged: bool = True) -> tuple[mr.DamperSpec, Floats]:
-    """The static model of an RD-1005-3 by its published set, behind the lag of its driver."""
+def rd1005(*, lag: Lag = "one_rate") -> tuple[mr.DamperSpec, Floats]:
+    """The static model of an RD-1005-3 by its published set, behind the lag of its driver, which falls slower."""
     preset = mr.damper("static_hysteretic").preset("kwok2006")
-    spec = with_changed_laws(preset.spec, lagged=lagged)
-    return spec, np.array([*preset.theta, LAG] if lagged else preset.theta)
+    spec = with_changed_laws(preset.spec, lag=lag)
+    return spec, np.array([*preset.theta, *[LAG, 0.3 * LAG][: spec.n_rates]])
 
 
 @cache
 def hysteretic() -> tuple[mr.DamperSpec, Floats]:
     """A Bouc-Wen loop of 230 N that the command raises, behind a lag."""
-    spec = mr.damper("bouc_wen").with_current_laws({"alpha": "linear", "c0": "linear"}, lagged=True)
+    spec = mr.damper("bouc_wen").with_current_laws({"alpha": "linear", "c0": "linear"}, lag="one_rate")
     # c0 by the current, k0, x0, alpha by the current, gamma, beta, A, n, eta.
     return spec, np.array([700.0, 900.0, 800.0, 0.0, 3e4, 4e4, 1e6, 1e6, 120.0, 2.0, LAG])
 
@@ -42,7 +43,7 @@ def hysteretic() -> tuple[mr.DamperSpec, Floats]:
 @cache
 def friction() -> tuple[mr.DamperSpec, Floats]:
     """A smooth friction and a dashpot, both by the command: force and rate have one sign at every instant."""
-    spec = mr.damper("bingham").with_current_laws({"f_c": "linear", "c0": "linear"}, lagged=True)
+    spec = mr.damper("bingham").with_current_laws({"f_c": "linear", "c0": "linear"}, lag="one_rate")
     # f_c and c0 by the current, v_s, f0, eta.
     return spec, np.array([20.0, 300.0, 0.02, 200.0, 500.0, 0.0, LAG])
 

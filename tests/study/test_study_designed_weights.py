@@ -95,11 +95,11 @@ def test_one_number_of_r_keeps_the_ratio_of_two_devices() -> None:
 def problem_with_lags(*lags: float | None, delay: float = 0.0) -> mr.control.DesignProblem:
     """The frame with a damper in each of the first storeys, whose drivers lag at these rates."""
     rd1005 = mr.damper("static_hysteretic").preset("kwok2006")
-    numbers = np.asarray(rd1005.theta)[: len(rd1005.theta) - rd1005.spec.lagged]
+    numbers = np.asarray(rd1005.theta)[: len(rd1005.theta) - rd1005.spec.n_rates]
     devices = [
         mr.Device(
             name=f"{k}",
-            spec=with_changed_laws(rd1005.spec, lagged=lag is not None),
+            spec=with_changed_laws(rd1005.spec, lag="none" if lag is None else "one_rate"),
             theta=numbers if lag is None else [*numbers, lag],
             row=FRAME.storeys[k],
             largest_command=1.88,

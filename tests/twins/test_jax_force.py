@@ -13,6 +13,7 @@ from damper_samples import sine
 from refusals import refusal
 
 import mrwork as mr
+from mrwork.dampers.parameters import DRIVER_RATES, Lag
 from mrwork.dampers.simulation import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.twins import kernel
 from mrwork.twins.kernel import Kernel
@@ -29,9 +30,9 @@ def spread(spec: mr.DamperSpec, count: int, seed: int = 0) -> Any:
     return jnp.asarray(nominal * np.random.default_rng(seed).uniform(0.9, 1.1, (count, len(nominal))))
 
 
-def with_laws(lagged: bool) -> tuple[mr.DamperSpec, Any]:
+def with_laws(lag: Lag) -> tuple[mr.DamperSpec, Any]:
     """A model whose parameters follow the command, about values of which the command matters."""
-    spec = SPEC.with_current_laws({"k_w": "linear", "rho": "log_quadratic:0,0.5,1"}, unit="A", lagged=lagged)
+    spec = SPEC.with_current_laws({"k_w": "linear", "rho": "log_quadratic:0,0.5,1"}, unit="A", lag=lag)
     return spec, spread(spec, 2)
 
 
@@ -54,9 +55,9 @@ def test_forces_and_derivatives_have_the_bits_of_the_core(spec: mr.DamperSpec) -
 
 
 @pytest.mark.parametrize("command", [0.7, np.linspace(0.1, 0.9, 120)], ids=["held", "varying"])
-@pytest.mark.parametrize("lagged", [False, True], ids=["at once", "lagged"])
-def test_models_that_follow_the_command_have_the_bits_of_the_core(command: Any, lagged: bool) -> None:
-    spec, theta = with_laws(lagged)
+@pytest.mark.parametrize("lag", DRIVER_RATES)
+def test_models_that_follow_the_command_have_the_bits_of_the_core(command: Any, lag: Lag) -> None:
+    spec, theta = with_laws(lag)
     loading = mr.Loading(dt=RECORD.dt, displacement=RECORD.displacement, command=command, command_unit="A")
     force = mr.jax.force(spec, loading)
     core = mr.sensitivities(spec, np.asarray(theta), loading)
@@ -170,7 +171,7 @@ def test_dampers_of_users_have_the_forces_and_derivatives_of_mr_simulate() -> No
 
 def test_the_twin_has_the_forces_and_derivatives_of_the_kernel() -> None:
     command = np.linspace(0.1, 0.9, 120)
-    spec, loading = with_laws(True)[0], replace(RECORD, command=command, command_unit="A")
+    spec, loading = with_laws("two_rates")[0], replace(RECORD, command=command, command_unit="A")
     twin, theta = mr.jax.twin(spec), spread(spec, 1)[0]
     record, substeps = twin.record(loading), twin.substeps(theta, loading)
     force = mr.jax.force(spec, loading)
@@ -207,7 +208,7 @@ def test_wrong_points_and_settings_are_told() -> None:
     for wrong, word in ((nominal.astype(np.float32), "float64"), (nominal[:2], r"\(2,\); give \(4,\)")):
         refusal(force, wrong, match=word)
     refusal(mr.jax.force, SPEC, RECORD, substeps=3, match="power of two")
-    refusal(mr.jax.force, with_laws(False)[0], RECORD, match="takes its command in A")
+    refusal(mr.jax.force, with_laws("none")[0], RECORD, match="takes its command in A")
     refusal(mr.jax.twin(SPEC).substeps, nominal * np.nan, RECORD, match="too stiff")
 
 
@@ -219,7 +220,7 @@ def test_a_wrong_call_is_an_error_of_xla_and_not_a_crash() -> None:
         attributes = {
             "model": SPEC.name,
             "laws": "",
-            "lagged": np.int64(0),
+            "rates": np.int64(0),
             "columns": np.arange(2),
             "substeps": np.int64(0),
             "threads": np.int64(1),

@@ -48,11 +48,17 @@ LAWS: dict[str, mr.ControlLaw | Floats] = {
 
 
 def placed(spec: mr.DamperSpec, **changes: Any) -> mr.Device:
-    """A damper in the first storey with nominal parameters, of which the first follows the command behind a lag."""
+    """A damper in the first storey with nominal parameters, of which the first follows the command behind a lag.
+
+    Its current falls slower than it rises.
+    """
     first = next(each.name for each in spec.parameters if each.name not in ("f0", "x0"))
-    lagged = spec.with_current_laws({first: "linear"}, lagged=True)
+    lagged = spec.with_current_laws({first: "linear"}, lag="two_rates")
     nominal = dict(zip(spec.names, spec.nominal, strict=True))
-    nominal |= {f"{first}.0": 0.6 * nominal[first], f"{first}.1": 0.3 * nominal[first]}
+    nominal |= {"eta_fall": 0.3 * LAG} | {
+        f"{first}.0": 0.6 * nominal[first],
+        f"{first}.1": 0.3 * nominal[first],
+    }
     theta = [nominal.get(name, LAG) for name in lagged.names]
     given = {
         "name": "damper",

@@ -9,6 +9,7 @@ import pytest
 
 import mrwork as mr
 from mrwork.base.values import Floats
+from mrwork.dampers.parameters import Lag
 from mrwork.dampers.simulation import (
     Outcome,
     simulate_forces,
@@ -48,14 +49,16 @@ def test_forces_and_derivatives_are_those_of_the_core(own: mr.DamperSpec, model:
     np.testing.assert_allclose(slopes.force, ours.force[:3], rtol=1e-12)
 
 
-def test_a_command_that_varies_reaches_the_coil_as_in_the_core() -> None:
+@pytest.mark.parametrize("lag", ["one_rate", "two_rates"])
+def test_a_command_that_varies_reaches_the_coil_as_in_the_core(lag: Lag) -> None:
     command = np.where(TIME % 0.3 < 0.15, 0.2, 1.0)
     history = mr.Loading(dt=0.002, displacement=MOTION, command=command, command_unit="A").history()
     laws = {"k_w": "linear", "c": "log_linear:0,1"}
     own, model = (
-        spec.with_current_laws(laws, lagged=True) for spec in (own_dampers.bounded_loop, own_dampers.LOOP)
+        spec.with_current_laws(laws, lag=lag) for spec in (own_dampers.bounded_loop, own_dampers.LOOP)
     )
-    theta = np.array([[400.0, 900.0, 800.0, 0.01, 300.0, 700.0, 900.0, 0.5, 1.5, 40.0]])
+    rates = [40.0, 12.0][: own.n_rates]
+    theta = np.array([[400.0, 900.0, 800.0, 0.01, 300.0, 700.0, 900.0, 0.5, 1.5, *rates]])
     ours, core = simulate_forces(own, theta, history), simulate_forces(model, theta, history)
     assert (ours.substeps == core.substeps).all()
     np.testing.assert_allclose(ours.force, core.force, rtol=1e-9, atol=1e-9 * np.abs(core.force).max())

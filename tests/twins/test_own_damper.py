@@ -134,7 +134,7 @@ def test_it_is_a_value() -> None:
         assert line in first.own.source
     assert first != mr.own_damper("mine", parameters=C, force=force)
     assert [each.scale for each in own_dampers.guo.parameters if each.name == "f0"] == ["offset"]
-    laws = own_dampers.loop.with_current_laws({"k_w": "quadratic"}, lagged=True)
+    laws = own_dampers.loop.with_current_laws({"k_w": "quadratic"}, lag="one_rate")
     assert laws.without_laws == own_dampers.loop
 
 

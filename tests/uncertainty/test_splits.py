@@ -1,5 +1,6 @@
 """Splits of a choice and motions kept for test: ends of the tested motions stay together, errors weigh the same."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -119,6 +120,17 @@ def test_extremes_are_fitted_and_whole_motions_between_them_are_kept() -> None:
 @pytest.mark.parametrize("motions", [[(10, 1)], [(10, 1), (2, 5)]], ids=["one", "extremes"])
 def test_where_no_motion_lies_between_others_all_are_fitted(motions: list[tuple[float, float]]) -> None:
     assert set(uses(*motions).values()) == {"fit"}
+
+
+def test_a_record_of_a_varying_command_is_fitted() -> None:
+    """It alone shows the lag of the driver, and lies between the extremes of the others."""
+    tests = [sinusoid(*motion, 0.5) for motion in ((25, 0.1), (25, 0.25), (25, 0.5), (10, 1), (5, 3), (2, 5))]
+    middle = sinusoid(12, 0.8, 0.5)
+    switched = replace(middle, current=np.where(middle.time % 0.7 < 0.3, 0.0, 1.0), name="switched")
+    found = uses_of([*tests, switched])
+    assert found[-1] == "fit"
+    assert {"test", "calibration"} <= {*found}
+    assert uses_of(tests) == found[:-1]
 
 
 def test_a_single_motion_between_others_is_kept_for_test() -> None:

@@ -6,6 +6,7 @@ use crate::damper::model::DamperSpec;
 use crate::dual::Dual;
 use crate::elementary::{exp, ln, tanh};
 use crate::error::DynamicsError;
+use crate::lag::Lag;
 use crate::parameters::{ParamSpec, Scale};
 use crate::real::{OutOfLine, Real, where_positive};
 
@@ -445,16 +446,15 @@ struct Place {
     further: Range<usize>,
 }
 
-/// The current laws of all parameters of a model, and whether the driver has a lag.
+/// The current laws of all parameters of a model, and the lag of the driver.
 ///
-/// The columns of `theta` are the coefficients, parameter by parameter; with a lag `eta` [1/s] follows, the rate of the
-/// first-order driver `u' = -eta (u - command)`. A parameter that depends on the current is limited to the range that its model admits,
+/// The columns of `theta` are the coefficients, parameter by parameter, and the rates of the [`Lag`]. A parameter that depends on the current is limited to the range that its model admits,
 /// because a polynomial may leave it between or beyond the currents it was fitted at.
 #[derive(Clone, Debug)]
 pub struct CurrentLaws {
     parameters: &'static [ParamSpec],
     laws: Vec<CurrentLaw>,
-    lagged: bool,
+    lag: Lag,
     /// Parameters that depend on the command.
     following: Vec<Place>,
     /// Whether each parameter depends on the command.
@@ -468,20 +468,20 @@ impl CurrentLaws {
         let parameters = spec.parameters;
         let laws = vec![CurrentLaw::Constant; parameters.len()];
         let follows = vec![false; parameters.len()];
-        Self { parameters, laws, lagged: false, following: Vec::new(), follows }
+        Self { parameters, laws, lag: Lag::None, following: Vec::new(), follows }
     }
 
     /// One law per parameter, in spec order.
     ///
     /// # Errors
     /// If their number differs from that of the parameters.
-    pub fn new(spec: &DamperSpec, laws: Vec<CurrentLaw>, lagged: bool) -> Result<Self, DynamicsError> {
+    pub fn new(spec: &DamperSpec, laws: Vec<CurrentLaw>, lag: Lag) -> Result<Self, DynamicsError> {
         let (found, expected) = (laws.len(), spec.parameters.len());
         if found != expected {
             return Err(DynamicsError::LawCount { model: spec.name, found, expected });
         }
         let follows: Vec<bool> = laws.iter().map(|law| !matches!(law, CurrentLaw::Constant)).collect();
-        let mut made = Self { parameters: spec.parameters, laws, lagged, following: Vec::new(), follows };
+        let mut made = Self { parameters: spec.parameters, laws, lag, following: Vec::new(), follows };
         let (mut following, mut column, mut further) = (Vec::new(), 0, made.n_columns());
         for (parameter, law) in made.laws.iter().enumerate() {
             if made.follows[parameter] {
@@ -501,7 +501,7 @@ impl CurrentLaws {
     /// Number of columns of `theta`.
     #[must_use]
     pub fn n_columns(&self) -> usize {
-        self.laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() + usize::from(self.lagged)
+        self.laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() + self.lag.n_rates()
     }
 
     /// Number of prepared columns: those of `theta`, and further numbers behind them.
@@ -525,12 +525,19 @@ impl CurrentLaws {
         &self.follows
     }
 
-    /// Column of the rate of the driver, if it has a lag.
-    pub(crate) fn lag_column(&self) -> Option<usize> {
-        self.lagged.then(|| self.n_columns() - 1)
+    /// Whether the driver has a lag.
+    pub(crate) fn are_lagged(&self) -> bool {
+        self.lag != Lag::None
     }
 
-    /// The parameter on which a column acts, and the first column of its law; `None` for the rate of the driver.
+    /// The rates of the driver among the columns, prepared or not.
+    #[inline(always)]
+    pub(crate) fn rates<'a, R>(&self, columns: &'a [R]) -> &'a [R] {
+        let end = self.n_columns().min(columns.len());
+        &columns[end.saturating_sub(self.lag.n_rates())..end]
+    }
+
+    /// The parameter on which a column acts, and the first column of its law; `None` for a rate of the driver.
     pub(crate) fn parameter_of(&self, column: usize) -> Option<(usize, usize)> {
         let mut first = 0;
         for (parameter, law) in self.laws.iter().enumerate() {
@@ -549,7 +556,7 @@ impl CurrentLaws {
         matches!(self.laws[parameter], CurrentLaw::Constant).then(|| theta[column])
     }
 
-    /// Derivative of a parameter at the command `u` with respect to a column, from a row of `theta`; zero for the rate of the driver.
+    /// Derivative of a parameter at the command `u` with respect to a column, from a row of `theta`; zero for a rate of the driver.
     pub(crate) fn slope(&self, theta: &[f64], column: usize, u: f64) -> f64 {
         let Some((index, first)) = self.parameter_of(column) else { return 0.0 };
         let (law, parameter) = (&self.laws[index], &self.parameters[index]);
@@ -563,8 +570,8 @@ impl CurrentLaws {
         law.limited_value(&own, &further, Dual::constant(u), parameter).tangents[0]
     }
 
-    /// Turns columns of `theta` into those that [`Self::evaluate`] takes, and appends further numbers; the rate of the driver
-    /// stays where it is.
+    /// Turns columns of `theta` into those that [`Self::evaluate`] takes, and appends further numbers; the rates of the driver
+    /// stay where they are.
     #[inline(always)]
     pub(crate) fn prepare<R: Real>(&self, columns: &mut Vec<R>) {
         let mut further = Vec::with_capacity(self.n_prepared() - self.n_columns());

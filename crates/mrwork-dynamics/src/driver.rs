@@ -4,7 +4,7 @@ use core::mem::swap;
 
 use crate::current_law::{CurrentLaws, Evaluate, Follow, Prepare};
 use crate::damper::model::DamperModel;
-use crate::elementary::exp;
+use crate::lag::Decay;
 use crate::parameters::FromSlice;
 use crate::real::Real;
 
@@ -40,9 +40,7 @@ impl<M: DamperModel, R: Real, const SHORT: bool> Driver<M, R> for Steady<M::Para
     }
 }
 
-/// Parameters that follow a command held between samples, behind the first-order lag of the driver if there is one.
-///
-/// For a held command the lag is an exponential, so it is integrated exactly and adds no stiffness.
+/// Parameters that follow a command held between samples, behind the lag of the driver if there is one.
 pub(crate) struct Following<'a, M: DamperModel, R: Real> {
     laws: &'a CurrentLaws,
     /// Prepared.
@@ -52,8 +50,7 @@ pub(crate) struct Following<'a, M: DamperModel, R: Real> {
     held: R,
     /// Current in the coil: the command behind the lag.
     u: R,
-    /// Factor by which the lag reduces the difference of current and command in half a step; zero without a lag.
-    half_step_decay: R,
+    decay: Decay<R>,
     at: [M::Parameters<R>; 3],
 }
 
@@ -63,14 +60,11 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     pub(crate) fn new(laws: &'a CurrentLaws, mut columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
         R::out_of_line(Prepare { laws, columns: &mut columns });
         let start = R::splat(command.first().copied().unwrap_or(f64::NAN));
-        let half_step_decay = match laws.lag_column() {
-            Some(column) => exp(columns[column] * R::splat(-0.5 * step)),
-            None => R::splat(0.0),
-        };
+        let decay = Decay::of(laws.rates(&columns), step);
         let mut values = vec![R::splat(f64::NAN); laws.n_params()];
         R::out_of_line(Evaluate { laws, prepared: &columns, current: start, values: &mut values });
         let at = [M::Parameters::from_slice(&values); 3];
-        Self { laws, columns, values, command, held: start, u: start, half_step_decay, at }
+        Self { laws, columns, values, command, held: start, u: start, decay, at }
     }
 
     /// Parameters at the current in the coil, from other prepared columns; derivatives with respect to its lag are dropped.
@@ -84,7 +78,7 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     /// Moves the current by half a step and evaluates the parameters at this place of `at`.
     #[inline(always)]
     fn half_step(&mut self, place: usize) {
-        self.u = (self.u - self.held).mul_add(self.half_step_decay, self.held);
+        self.u = self.decay.moved(self.u, self.held);
         self.evaluate(place);
     }
 
@@ -100,7 +94,7 @@ impl<M: DamperModel, R: Real> Driver<M, R> for Following<'_, M, R> {
     #[inline(always)]
     fn begin(&mut self, sample: usize) {
         self.held = R::splat(self.command[sample]);
-        if self.laws.lag_column().is_none() {
+        if !self.laws.are_lagged() {
             self.u = self.held;
             self.evaluate(2);
         }

@@ -70,6 +70,9 @@ pub enum DynamicsError {
         /// Candidates.
         expected: usize,
     },
+    /// A lag with more rates than a driver has.
+    #[error("the lag of the driver has {0} rates; give 0, 1 or 2")]
+    LagRates(usize),
     /// A list of current laws of the wrong length.
     #[error("{found} current laws were given, `{model}` has {expected} parameters; give one for each")]
     LawCount {

@@ -23,6 +23,7 @@ pub mod elementary;
 pub mod error;
 pub mod ground_motion;
 pub mod integrate;
+pub mod lag;
 pub mod lanes;
 pub mod loading;
 pub mod matrix_equations;

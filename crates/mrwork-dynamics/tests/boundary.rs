@@ -16,6 +16,7 @@ use mrwork_dynamics::damper::{REGISTRY, find_device};
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::error::Outcome;
 use mrwork_dynamics::ground_motion::GroundMotion;
+use mrwork_dynamics::lag::Lag;
 use mrwork_dynamics::loading::LoadingHistory;
 use mrwork_dynamics::matrix_equations::{Equations, Stack, Status, Time, solve};
 use mrwork_dynamics::misfit::Target;
@@ -127,14 +128,14 @@ proptest! {
             (Just(model), Just(laws), length(n).prop_flat_map(|n| vec(number(), n)))
         }),
         factors in vec(prop_oneof![10 => Just(1.0), 1 => number()], 200),
-        (lagged, commanded, step_factor, threads, set) in
-            (any::<bool>(), any::<bool>(), select(vec![0, 1, 1, 1, 2, 3, u32::MAX]), count(1), set()),
+        (lag, commanded, step_factor, threads, set) in
+            (select(vec![Lag::None, Lag::OneRate, Lag::TwoRates]), any::<bool>(), select(vec![0, 1, 1, 1, 2, 3, u32::MAX]), count(1), set()),
         force in numbers(12),
         (first, limits) in (count(0), proptest::option::of(numbers(3))),
         (n_force, asked) in (length(24), vec(count(0), 0..4)),
     ) {
         let damper = REGISTRY[model];
-        let Ok(laws) = CurrentLaws::new(damper.spec(), laws, lagged) else { return Ok(()) };
+        let Ok(laws) = CurrentLaws::new(damper.spec(), laws, lag) else { return Ok(()) };
         // Candidates about the nominal one, most of which run.
         let nominal = nominal(damper);
         let theta: Vec<f64> = (0..theta.len())

@@ -59,11 +59,11 @@ pub struct ForceCurve {
 #[pymethods]
 impl ForceCurve {
     #[new]
-    #[pyo3(signature = (laws, theta, lagged=false))]
-    fn new(laws: Vec<String>, theta: PyReadonlyArray1<'_, f64>, lagged: bool) -> PyResult<Self> {
+    #[pyo3(signature = (laws, theta, rates=0))]
+    fn new(laws: Vec<String>, theta: PyReadonlyArray1<'_, f64>, rates: usize) -> PyResult<Self> {
         let model =
             find("static_hysteretic").ok_or_else(|| PyLookupError::new_err("no static_hysteretic"))?;
-        let laws = parsed_laws(model.spec(), Some(laws), lagged)?;
+        let laws = parsed_laws(model.spec(), Some(laws), rates)?;
         let theta = shaped("theta", &theta, &[("columns", Some(laws.n_columns()))])?.to_vec();
         Ok(Self { laws, theta })
     }

@@ -127,7 +127,7 @@ pub struct Dampers {
 #[pymethods]
 impl Dampers {
     #[new]
-    #[pyo3(signature = (model, theta, counts, differential, ranges, laws=None, lagged=false))]
+    #[pyo3(signature = (model, theta, counts, differential, ranges, laws=None, rates=0))]
     #[allow(clippy::too_many_arguments)] // plain values, by keyword from Python
     fn new(
         model: &str,
@@ -136,7 +136,7 @@ impl Dampers {
         differential: Vec<bool>,
         ranges: Vec<[f64; 2]>,
         laws: Option<Vec<String>>,
-        lagged: bool,
+        rates: usize,
     ) -> PyResult<Self> {
         let n_devices = counts.len();
         for (name, found) in [("differential", differential.len()), ("ranges", ranges.len())] {
@@ -144,7 +144,7 @@ impl Dampers {
         }
         let model = find_device(model)
             .ok_or_else(|| PyLookupError::new_err(format!("no damper model is called `{model}`")))?;
-        let laws = parsed_laws(model.spec(), laws, lagged)?;
+        let laws = parsed_laws(model.spec(), laws, rates)?;
         let axes = [("draws", None), ("devices", Some(n_devices)), ("columns", Some(laws.n_columns()))];
         let theta = shaped("theta", &theta, &axes)?.to_vec();
         let mountings = counts

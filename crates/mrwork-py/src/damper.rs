@@ -4,6 +4,7 @@ use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{DamperSpec, Motion, REGISTRY, find};
 use mrwork_dynamics::error::DynamicsError;
+use mrwork_dynamics::lag::Lag;
 use mrwork_dynamics::misfit::Target;
 use mrwork_dynamics::parameters::ParamSpec;
 use mrwork_dynamics::sensitivity;
@@ -64,7 +65,7 @@ fn parameter_dict<'py>(py: Python<'py>, parameter: &ParamSpec) -> PyResult<Bound
 /// candidate; a candidate that reaches its limit is abandoned.
 #[pyfunction]
 #[pyo3(signature = (
-    model, theta, loading, force, first=0, laws=None, lagged=false, substep_factor=1, threads=0, limits=None
+    model, theta, loading, force, first=0, laws=None, rates=0, substep_factor=1, threads=0, limits=None
 ))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn misfits<'py>(
@@ -75,12 +76,12 @@ pub fn misfits<'py>(
     force: PyReadonlyArray1<'py, f64>,
     first: usize,
     laws: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
     substep_factor: u32,
     threads: usize,
     limits: Option<PyReadonlyArray1<'py, f64>>,
 ) -> PyResult<(Floats<'py>, Outcomes<'py>, Substeps<'py>, Bound<'py, PyArray1<u64>>)> {
-    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
+    let (damper, laws, theta) = batch(model, laws, rates, &theta)?;
     let target = Target { force: contiguous("force", &force)?, first };
     let limits = limits.as_ref().map(|limits| contiguous("limits", limits)).transpose()?;
     let instruction_set = chosen_instruction_set()?;
@@ -96,22 +97,22 @@ pub fn misfits<'py>(
 
 /// Stiffness of each candidate, shape (`n_batch`,), as a share of the largest that is simulated at the step of this loading.
 #[pyfunction]
-#[pyo3(signature = (model, theta, loading, laws=None, lagged=false))]
+#[pyo3(signature = (model, theta, loading, laws=None, rates=0))]
 pub fn stiffness_shares<'py>(
     py: Python<'py>,
     model: &str,
     theta: PyReadonlyArray2<'py, f64>,
     loading: &LoadingHistory,
     laws: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
 ) -> PyResult<Floats<'py>> {
-    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
+    let (damper, laws, theta) = batch(model, laws, rates, &theta)?;
     Ok(simulate::stiffness_shares(damper, &laws, theta, &loading.dynamics).into_pyarray(py))
 }
 
 /// Force histories of a batch, shape (`n_batch`, `n_time`); rows that did not finish are infinite.
 #[pyfunction]
-#[pyo3(signature = (model, theta, loading, laws=None, lagged=false, substep_factor=1, threads=0))]
+#[pyo3(signature = (model, theta, loading, laws=None, rates=0, substep_factor=1, threads=0))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn force_histories<'py>(
     py: Python<'py>,
@@ -119,12 +120,12 @@ pub fn force_histories<'py>(
     theta: PyReadonlyArray2<'py, f64>,
     loading: &LoadingHistory,
     laws: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
     substep_factor: u32,
     threads: usize,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Outcomes<'py>, Substeps<'py>)> {
     let n_batch = theta.shape()[0];
-    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
+    let (damper, laws, theta) = batch(model, laws, rates, &theta)?;
     let instruction_set = chosen_instruction_set()?;
     let mut force = zeros(&[n_batch, loading.dynamics.n_time()])?;
     let rows = interruptible(py, |stop| {
@@ -140,7 +141,7 @@ pub fn force_histories<'py>(
 /// by default), shape (`n_batch`, `n_asked`, `n_time`); rows that did not finish are infinite.
 #[pyfunction]
 #[pyo3(signature = (
-    model, theta, loading, columns=None, laws=None, lagged=false, substep_factor=1, threads=0
+    model, theta, loading, columns=None, laws=None, rates=0, substep_factor=1, threads=0
 ))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 #[allow(clippy::type_complexity)] // the results of one call
@@ -151,12 +152,12 @@ pub fn sensitivities<'py>(
     loading: &LoadingHistory,
     columns: Option<Vec<usize>>,
     laws: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
     substep_factor: u32,
     threads: usize,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>, Outcomes<'py>, Substeps<'py>)> {
     let (n_batch, n_time) = (theta.shape()[0], loading.dynamics.n_time());
-    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
+    let (damper, laws, theta) = batch(model, laws, rates, &theta)?;
     let asked = columns.unwrap_or_else(|| (0..laws.n_columns()).collect());
     let instruction_set = chosen_instruction_set()?;
     let mut force = zeros(&[n_batch, n_time])?;
@@ -213,12 +214,12 @@ pub fn named(model: &str) -> PyResult<&'static dyn Damper> {
 fn batch<'a>(
     model: &str,
     laws: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
     theta: &'a PyReadonlyArray2<'_, f64>,
 ) -> PyResult<(&'static dyn Damper, CurrentLaws, &'a [f64])> {
     let damper = named(model)?;
     let spec = damper.spec();
-    let laws = parsed_laws(spec, laws, lagged)?;
+    let laws = parsed_laws(spec, laws, rates)?;
     let (found, expected) = (theta.shape()[1], laws.n_columns());
     if found != expected {
         return Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }));
@@ -226,16 +227,17 @@ fn batch<'a>(
     Ok((damper, laws, contiguous("theta", theta)?))
 }
 
-/// The current laws of those names, one per parameter; all constant for `None`.
+/// The current laws of those names, one per parameter, and a lag of so many rates; all constant for `None`.
 pub fn parsed_laws(
     spec: &'static DamperSpec,
     names: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
 ) -> PyResult<CurrentLaws> {
     match names {
         Some(names) => {
             let laws: Result<_, _> = names.iter().map(|name| CurrentLaw::of_name(name)).collect();
-            CurrentLaws::new(spec, laws.map_err(value_error)?, lagged).map_err(value_error)
+            let lag = Lag::with_rates(rates).ok_or_else(|| value_error(DynamicsError::LagRates(rates)))?;
+            CurrentLaws::new(spec, laws.map_err(value_error)?, lag).map_err(value_error)
         }
         None => Ok(CurrentLaws::constant(spec)),
     }

@@ -24,18 +24,18 @@ use crate::enter::value_error;
 
 /// Statements of the functions of a damper by name, see `mrwork_dynamics::record::DamperText`.
 #[pyfunction]
-#[pyo3(signature = (model, coefficients, step, laws=None, lagged=false, single=false))]
+#[pyo3(signature = (model, coefficients, step, laws=None, rates=0, single=false))]
 pub fn damper_text<'py>(
     py: Python<'py>,
     model: &str,
     coefficients: Vec<String>,
     step: f64,
     laws: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
     single: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let spec = named(model)?.spec();
-    let laws = parsed_laws(spec, laws, lagged)?;
+    let laws = parsed_laws(spec, laws, rates)?;
     check_columns(spec, &laws, coefficients.len())?;
     if !(step.is_finite() && step > 0.0) {
         return Err(PyValueError::new_err(format!("`step` is {step}, give a positive number")));
@@ -62,7 +62,7 @@ pub fn elementary_functions() -> String {
 
 /// Forces at samples with straight lines between the motions at them, shape (`n_time`,).
 #[pyfunction]
-#[pyo3(signature = (model, theta, displacement, velocity, command, dt, substeps, laws=None, lagged=false))]
+#[pyo3(signature = (model, theta, displacement, velocity, command, dt, substeps, laws=None, rates=0))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn straight_forces<'py>(
     py: Python<'py>,
@@ -74,10 +74,10 @@ pub fn straight_forces<'py>(
     dt: f64,
     substeps: u32,
     laws: Option<Vec<String>>,
-    lagged: bool,
+    rates: usize,
 ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
     let spec = named(model)?.spec();
-    let laws = parsed_laws(spec, laws, lagged)?;
+    let laws = parsed_laws(spec, laws, rates)?;
     let theta = contiguous("theta", &theta)?;
     check_columns(spec, &laws, theta.len())?;
     let most = MAX_SUBSTEPS * MAX_SUBSTEP_FACTOR;

@@ -16,7 +16,8 @@ use std::sync::OnceLock;
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{Motion, Severity, find};
 use mrwork_dynamics::dispatch::InstructionSet;
-use mrwork_dynamics::error::Outcome;
+use mrwork_dynamics::error::{DynamicsError, Outcome};
+use mrwork_dynamics::lag::Lag;
 use mrwork_dynamics::loading::LoadingHistory;
 use mrwork_dynamics::sensitivity::sensitivities;
 use mrwork_dynamics::settings::Settings;
@@ -52,7 +53,8 @@ fn simulate(call: &mut Call<'_>) -> Result<(), String> {
         CurrentLaws::constant(damper.spec())
     } else {
         let laws: Result<_, _> = call.laws.split('\n').map(CurrentLaw::of_name).collect();
-        laws.and_then(|laws| CurrentLaws::new(damper.spec(), laws, call.lagged)).map_err(in_words)?
+        let lag = Lag::with_rates(call.rates).ok_or_else(|| in_words(DynamicsError::LagRates(call.rates)))?;
+        laws.and_then(|laws| CurrentLaws::new(damper.spec(), laws, lag)).map_err(in_words)?
     };
     let n_columns = laws.n_columns();
     let [theta, coefficients, facts, command] = &call.operands;
@@ -129,7 +131,8 @@ struct Call<'a> {
     model: &'a str,
     /// Current laws by name, a line each; empty for constant parameters.
     laws: &'a str,
-    lagged: bool,
+    /// Rates of the driver's lag.
+    rates: usize,
     columns: &'a [i64],
     /// Sub-steps of every candidate, 0 for those of the stepping rule.
     substeps: i64,
@@ -262,7 +265,7 @@ impl<'a> Call<'a> {
                 jacobian: jacobian.map(|buffer| output(buffer, 2)).transpose()?,
                 model: text(attributes.find("model", STRING)?)?,
                 laws: text(attributes.find("laws", STRING)?)?,
-                lagged: scalar(attributes.find("lagged", SCALAR)?)? != 0,
+                rates: usize::try_from(scalar(attributes.find("rates", SCALAR)?)?).unwrap_or(usize::MAX),
                 columns: integers(attributes.find("columns", ARRAY)?)?,
                 substeps: scalar(attributes.find("substeps", SCALAR)?)?,
                 threads: scalar(attributes.find("threads", SCALAR)?)?,

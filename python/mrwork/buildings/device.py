@@ -18,7 +18,7 @@ from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.buildings.plane_building import Building
 from mrwork.dampers.laws import CommandLaw
-from mrwork.dampers.parameters import ParamSpec
+from mrwork.dampers.parameters import Lag, ParamSpec
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError
@@ -65,8 +65,8 @@ class Device(Summarised):
     tested
         Ranges in which one of the dampers was tested, as `Fit.tested`; `None` if unknown.
     lag
-        Rate of a first-order lag of the driver [1/s], in place of the lag in `theta`, if there is one. The rate becomes
-        the last parameter of `spec` and `theta`.
+        Rate of a first-order lag of the driver [1/s], or its rates of a rising and of a falling current, in place of
+        the lag in `theta`, if there is one. Rates become the last parameters of `spec` and `theta`.
     command
         Command that the dampers hold [A or V], whatever a law sends; `None` where a law commands them.
     rated_force, rated_stroke, rated_command
@@ -88,7 +88,7 @@ class Device(Summarised):
     count: Positive = 1.0
     differential: bool = False
     tested: OperatingRange | None = None
-    lag: Positive | None = None
+    lag: Positive | tuple[Positive, Positive] | None = None
     command: NotNegative | None = None
     rated_force: Positive | None = None
     rated_stroke: Positive | None = None
@@ -103,11 +103,13 @@ class Device(Summarised):
             # Nothing follows it.
             object.__setattr__(self, "largest_command", self.largest_command or 1.0)
         elif self.lag is not None:
-            # From then on the rate of the lag is one of the parameters.
+            # From then on the rates of the lag are among the parameters.
             theta = np.atleast_1d(np.array(self.theta, dtype=np.float64))
-            theta = theta[..., : theta.shape[-1] - self.spec.lagged]
-            object.__setattr__(self, "spec", with_changed_laws(self.spec, lagged=True))
-            object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], self.lag, axis=-1))
+            theta = theta[..., : theta.shape[-1] - self.spec.n_rates]
+            rates = np.broadcast_to(self.lag, (*theta.shape[:-1], np.size(self.lag)))
+            lag: Lag = "two_rates" if isinstance(self.lag, tuple) else "one_rate"
+            object.__setattr__(self, "spec", with_changed_laws(self.spec, lag=lag))
+            object.__setattr__(self, "theta", np.concatenate([theta, rates], axis=-1))
             object.__setattr__(self, "lag", None)
         keep_arrays(self, "theta", "row", *(["sprung"] if self.sprung is not None else []))
         n_params = len(self.spec.parameters)

@@ -24,6 +24,7 @@ from mrwork.cli.tests import add_observation, command_unit, reading_of_rows
 from mrwork.dampers.spec import SCREENED, damper
 from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit
+from mrwork.identification.minimise.driver_lag import LAG_UNFITTED
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.checks import ONE_WAY
@@ -178,11 +179,14 @@ def _fitting(
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )
-    if len({test.command_in_words for test in tests if test.commands}) > 1:
+    # Commands that vary show the lag of the driver.
+    varies = any(test.has_varying_command for test in tests)
+    if varies or len({test.command_in_words for test in tests if test.commands}) > 1:
         _refuse_lone_commands(options, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
-        choice = partial(choose_laws, models or SCREENED, settings=settings, unit=command_unit(tests))
+        unit = command_unit(tests)
+        choice = partial(choose_laws, models or SCREENED, settings=settings, unit=unit, lagged=varies)
         work = partial(verb.choose, choice)
     elif models is None or len(models) > 1:
         work = partial(verb.choose, partial(choose_model, models=models or SCREENED, settings=settings))
@@ -236,6 +240,9 @@ def _end(
 
     opened, compared = open_run(path)
     fit, verdict = opened.fit, evidence_of(opened, compared).in_words
+    # What the commands of tests kept for test say of the lag, where it was not fitted.
+    told = () if opened.held_out is None else opened.held_out.remarks
+    late = [remark for remark in told if remark.code == LAG_UNFITTED.code]
     following = {name: str(law) for name, law in fit.spec.laws_by_name.items() if not law.is_constant}
     if options.json:
         held_out = opened.held_out
@@ -252,7 +259,7 @@ def _end(
                 if held_out is None
                 else named(held_out.spread, "median_percent", "worst_percent", "worst_test"),
                 "test_remarks": test_remarks,
-                "remarks": [asdict(remark) for remark in fit.remarks],
+                "remarks": [asdict(remark) for remark in (*fit.remarks, *late)],
                 "steps": done,
             }
         )
@@ -265,7 +272,7 @@ def _end(
     if not uses["test"]:
         how = f"set the use of some rows of {options.folder / TABLE_NAME} to test, and run the command again with"
         show(f"No test was kept for test{spare or f': {how} --replace'}.")
-    for remark in fit.remarks:
+    for remark in (*fit.remarks, *late):
         show(remark.in_words)
     show(f"Summary: {path / SUMMARY}")
     show(f"Report: {path / REPORT}")

@@ -202,7 +202,7 @@ def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settin
     verb = Identification.of_files(options, settings, spec.name, kept="the best fit")
     if options.law:
         unit = command_unit(verb.tests, options.command_unit)
-        spec = spec.with_current_laws({}, unit=unit, lagged=options.driver_lag)
+        spec = spec.with_current_laws({}, unit=unit, lag="one_rate" if options.driver_lag else "none")
         spec = with_laws_at(spec, options.law, verb.tests)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     screens = options.model is None and len(verb.tests) == 1 and not (options.law or settings.bounds)

@@ -232,7 +232,7 @@ def core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_ru
         _rust.Dampers(
             model=group[0].spec.name,
             laws=[*map(str, group[0].spec.laws)],
-            lagged=group[0].spec.lagged,
+            rates=group[0].spec.n_rates,
             theta=np.ascontiguousarray(parameters),
             counts=[float(device.count) for device in group],
             differential=[device.differential for device in group],
@@ -252,7 +252,7 @@ def core_controller(law: ControlLaw, gains: Floats, shaping: Floats | None) -> _
                 f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
             )
         numbers = np.ascontiguousarray(theta, dtype=np.float64)
-        curve = _rust.ForceCurve([*map(str, spec.laws)], numbers, spec.lagged)
+        curve = _rust.ForceCurve([*map(str, spec.laws)], numbers, spec.n_rates)
     rows = np.ascontiguousarray(gains)
     return _rust.Controller(law.name, rows, law.table_rows(), curve, shaping, _core_model(law))
 

@@ -173,7 +173,8 @@ def command_noise(level: float, unit: CommandUnit) -> float:
 
 def command_level(value: float, unit: CommandUnit) -> float:
     """Set point of a measured command: measured commands of one level differ by noise."""
-    return round(value, COMMAND_SCALES[unit].decimals)
+    # Noise below zero leaves no minus sign.
+    return round(value, COMMAND_SCALES[unit].decimals) + 0.0
 
 
 def range_in_words(command: Floats) -> tuple[str, str]:

@@ -14,7 +14,7 @@ import numpy as np
 from mrwork.base.keys import check_known, suggestion
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.parameters import Coefficient, ParamSpec
+from mrwork.dampers.parameters import Coefficient, Lag, ParamSpec
 from mrwork.errors import SettingError, UnknownChoiceError
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
@@ -425,7 +425,10 @@ def laws_in_order(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentLaws:
-    """Laws of a model as files have them: text of the law of each plain parameter, unit of the command, lag or not.
+    """Laws of a model as files have them: text of the law of each plain parameter, unit of the command, and the lag.
+
+    `lagged` says whether the driver has a lag, `two_rates` whether that has one rate for a rising current and another
+    for a falling one.
 
     `DamperSpec.with_current_laws` takes these laws.
     """
@@ -435,6 +438,14 @@ class CurrentLaws:
     unit: CommandUnit
     laws: tuple[LawName, ...]
     lagged: bool
+    two_rates: bool = False
+
+    @property
+    def lag(self) -> Lag:
+        """The lag of the driver."""
+        if not self.lagged:
+            return "none"
+        return "two_rates" if self.two_rates else "one_rate"
 
 
 def _polynomial(nodes: tuple[float, ...], values: Array, command: Array, xp: ModuleType) -> Array:

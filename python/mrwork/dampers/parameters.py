@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 Scale = Literal["linear", "log", "offset"]
@@ -65,3 +67,26 @@ DRIVER_RATE = ParamSpec(
     nominal=190.0,
     description="rate of the driver's first-order lag",
 )
+Lag = Literal["none", "one_rate", "two_rates"]
+"""How the current in the coil comes after its command: at once, or by a first-order lag with one rate, or with two.
+
+Two rates are one of a current that is below its command and rises, and one of a current that falls: a driver raises a
+current by its voltage, and lets it fall through a diode.
+"""
+
+DRIVER_RATES: Mapping[Lag, tuple[ParamSpec, ...]] = MappingProxyType(
+    {
+        "none": (),
+        "one_rate": (DRIVER_RATE,),
+        "two_rates": (
+            replace(
+                DRIVER_RATE, name="eta_rise", description="rate of the driver's lag for a rising current"
+            ),
+            replace(
+                DRIVER_RATE, name="eta_fall", description="rate of the driver's lag for a falling current"
+            ),
+        ),
+    }
+)
+"""The rates of each lag, the last parameters of a model with current laws."""
+RATE_NAMES = frozenset(rate.name for rates in DRIVER_RATES.values() for rate in rates)

@@ -341,8 +341,8 @@ def _outcome_of(force: Floats, substeps: NDArray[np.uint32]) -> NDArray[np.uint8
     return np.where(substeps == 0, Outcome.UNRESOLVED, diverged).astype(np.uint8)
 
 
-def _laws(spec: DamperSpec) -> tuple[list[str], bool]:
-    return [*_texts(spec.laws)], spec.lagged
+def _laws(spec: DamperSpec) -> tuple[list[str], int]:
+    return [*_texts(spec.laws)], spec.n_rates
 
 
 @lru_cache(maxsize=64)

@@ -24,7 +24,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order
 from mrwork.dampers.own_equations import OwnEquations
-from mrwork.dampers.parameters import DRIVER_RATE, ParamSpec
+from mrwork.dampers.parameters import DRIVER_RATES, RATE_NAMES, Lag, ParamSpec
 from mrwork.errors import SettingError
 
 # In place of the name of one model: every model, and those that predict a few of the tests best.
@@ -48,15 +48,15 @@ class DamperSpec(Summarised):
     """A damper model: equations, source and parameters in order, declared in Rust beside the equations.
 
     `plain` has the parameters of the model itself, `laws` the law of the command of each; `parameters` are the
-    coefficients of the laws, named `k_w.0`, `k_w.1`, and the rate of a `lagged` driver. `command_unit` is `None` for
-    the plain model. With `u` the command received by the coil, a constant parameter is `p = p.0`; linear, quadratic and
-    cubic laws are `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`, an exponential one `p = p.0 + p.1 exp(p.2 u)`;
+    coefficients of the laws, named `k_w.0`, `k_w.1`, and the rates of the `lag` of the driver. `command_unit` is `None`
+    for the plain model. With `u` the command received by the coil, a constant parameter is `p = p.0`; linear, quadratic
+    and cubic laws are `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`, an exponential one `p = p.0 + p.1 exp(p.2 u)`;
     "quadratic:0,0.5,1" is the polynomial through values at these commands, "log_quadratic:0,0.5,1" the one through the
     logarithms of a positive parameter; "straight:0,0.5,1" and "straight_log:0,0.5,1" have straight lines in place of
     the polynomials, "monotone:0,0.5,1" cubics that are monotone where the values are. "exponential:0,1" and "tanh:0,1"
     saturate, `p = p0 + (p1 - p0) g(u)` with g = 0 and 1 at these commands, a part of 1 - exp(-c u) or of tanh(c u), and
     have the rate c as `k_w.rate`. A parameter that follows the command is limited to the admissible range of the plain
-    model. A lagged driver has `u' = -eta (u - command)`.
+    model. A lag has `u' = -eta (u - command)`; of two rates eta is `eta_rise` while `u < command`, else `eta_fall`.
 
     `spring` names the stiffness k and the free length x0 of the accumulator; its force k (x - x0) depends on x0 through
     the product k x0 alone. `odd` says whether the opposite motion gives the opposite force, `relaxes` whether states
@@ -80,7 +80,7 @@ class DamperSpec(Summarised):
     plain: tuple[ParamSpec, ...]
     laws: tuple[CommandLaw, ...]
     command_unit: CommandUnit | None = None
-    lagged: bool = False
+    lag: Lag = "none"
     own: OwnEquations | None = None
 
     def disagreement(self) -> str:
@@ -96,9 +96,10 @@ class DamperSpec(Summarised):
                 not entry.name.isidentifier()
                 or keyword.iskeyword(entry.name)
                 or entry.name.startswith("_")
-                or entry.name == "eta"
+                or entry.name in RATE_NAMES
             ):
-                return f"has a parameter {entry.name!r}; give letters, digits and underscores, and not eta"
+                names = ", ".join(sorted(RATE_NAMES))
+                return f"has a parameter {entry.name!r}; give letters, digits and underscores, and none of {names}"
             if not -inf < entry.lower <= entry.nominal <= entry.upper < inf:
                 return (
                     f"has {entry.name} from {entry.lower:g} to {entry.upper:g}, nominally {entry.nominal:g}; give "
@@ -115,7 +116,7 @@ class DamperSpec(Summarised):
     def without_laws(self) -> DamperSpec:
         """The plain model, whose parameters are constant."""
         laws = (CONSTANT,) * len(self.plain)
-        return replace(self, parameters=self.plain, laws=laws, command_unit=None, lagged=False)
+        return replace(self, parameters=self.plain, laws=laws, command_unit=None, lag="none")
 
     @property
     def equations(self) -> str:
@@ -125,8 +126,7 @@ class DamperSpec(Summarised):
             for parameter, law in self.law_pairs
             if not law.is_constant
         ]
-        driver = "u' = -eta (u - command)" if self.lagged else "u = command"
-        lines += [f"{driver} [{self.command_unit}]"] if self.command_unit else []
+        lines += [f"{_DRIVERS[self.lag]} [{self.command_unit}]"] if self.command_unit else []
         return "\n".join([self.equation, *lines])
 
     @property
@@ -144,7 +144,12 @@ class DamperSpec(Summarised):
         """The laws as files have them; `None` for the plain model."""
         if self.command_unit is None:
             return None
-        return CurrentLaws(unit=self.command_unit, laws=tuple(map(str, self.laws)), lagged=self.lagged)
+        return CurrentLaws(
+            unit=self.command_unit,
+            laws=tuple(map(str, self.laws)),
+            lagged=self.n_rates > 0,
+            two_rates=self.lag == "two_rates",
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -170,13 +175,18 @@ class DamperSpec(Summarised):
         return tuple(parameter.name for parameter, law in self.law_pairs if not law.is_constant)
 
     @property
+    def n_rates(self) -> int:
+        """Number of rates of the driver's lag, the last of the parameters; zero without one."""
+        return len(DRIVER_RATES[self.lag])
+
+    @property
     def follows_command(self) -> bool:
         """Whether any parameter depends on the command; a damper without such a parameter is passive."""
         return bool(self.following)
 
     @checked
     def with_current_laws(
-        self, laws: Mapping[str, LawName | CommandLaw], *, unit: CommandUnit = "A", lagged: bool = False
+        self, laws: Mapping[str, LawName | CommandLaw], *, unit: CommandUnit = "A", lag: Lag = "none"
     ) -> DamperSpec:
         """Return the model with parameters that depend on the command; those not named are constant.
 
@@ -186,8 +196,9 @@ class DamperSpec(Summarised):
             Parameter name to its law or the text of the law.
         unit
             Unit of the command; a test in the other unit is refused.
-        lagged
-            Whether the command reaches the coil through a first-order lag; its rate `eta` is a further parameter.
+        lag
+            Whether the command reaches the coil at once, or through a first-order lag with one rate or two, which are
+            further parameters: `eta`, or `eta_rise` and `eta_fall`.
 
         Examples
         --------
@@ -205,8 +216,8 @@ class DamperSpec(Summarised):
         parameters = [
             coefficient for parameter, law in pairs for coefficient in law.coefficients_of(parameter, unit)
         ]
-        parameters += [DRIVER_RATE] * lagged
-        return replace(self, parameters=tuple(parameters), laws=all_laws, command_unit=unit, lagged=lagged)
+        parameters += DRIVER_RATES[lag]
+        return replace(self, parameters=tuple(parameters), laws=all_laws, command_unit=unit, lag=lag)
 
     @property
     def presets(self) -> tuple[str, ...]:
@@ -290,7 +301,9 @@ class Preset(Summarised):
                 name: CommandLaw(len(coefficients) - 1)
                 for name, coefficients in zip(spec.names, listed, strict=True)
             }
-            spec = spec.with_current_laws(laws, unit=self.unit, lagged=self.eta is not None)
+            spec = spec.with_current_laws(
+                laws, unit=self.unit, lag="none" if self.eta is None else "one_rate"
+            )
             theta += () if self.eta is None else (self.eta,)
         object.__setattr__(self, "spec", spec)
         object.__setattr__(self, "theta", tuple(theta))
@@ -411,15 +424,23 @@ def published_sets() -> tuple[Preset, ...]:
     )  # fmt: skip
 
 
+# The driver of each lag.
+_DRIVERS: Mapping[Lag, str] = {
+    "none": "u = command",
+    "one_rate": "u' = -eta (u - command)",
+    "two_rates": "u' = -(eta_rise where u < command, else eta_fall) (u - command)",
+}
+
+
 def with_changed_laws(
-    spec: DamperSpec, laws: Mapping[str, CommandLaw] | None = None, *, lagged: bool | None = None
+    spec: DamperSpec, laws: Mapping[str, CommandLaw] | None = None, *, lag: Lag | None = None
 ) -> DamperSpec:
-    """A model with current laws with these in place of its own, and with or without the driver's lag if given."""
+    """A model with current laws with these in place of its own, and with this lag of the driver if given."""
     assert spec.command_unit is not None
     return spec.without_laws.with_current_laws(
         {**spec.laws_by_name, **(laws or {})},
         unit=spec.command_unit,
-        lagged=spec.lagged if lagged is None else lagged,
+        lag=lag or spec.lag,
     )
 
 
@@ -619,7 +640,7 @@ def plain_parameters(spec: DamperSpec, theta: ArrayLike, command: float) -> Floa
 
 
 def by_parameter(spec: DamperSpec, theta: Floats) -> list[Floats]:
-    """Coefficients of each parameter of the plain model, on the last axis; last what follows, the driver's rate."""
+    """Coefficients of each parameter of the plain model, on the last axis; last what follows, the driver's rates."""
     return np.split(theta, np.cumsum([law.n_coefficients for law in spec.laws]), axis=-1)
 
 

@@ -70,7 +70,7 @@ def damper_source(
         [f"parameters->{each}" for each in names],
         sample_time / substeps,
         laws,
-        spec.lagged,
+        spec.n_rates,
         flavour.single,
     )
     unit = spec.command_unit or "A"
@@ -112,7 +112,8 @@ def damper_source(
         "n_states": spec.n_states,
         "n_kept": max(spec.n_states, 1),
         "n_params": n_params,
-        "lagged": int(spec.lagged),
+        "lagged": int(spec.n_rates > 0),
+        "n_decays": max(spec.n_rates, 1),
         "sample_time": flavour.number(sample_time),
         "substeps": substeps,
         "substep_seconds": flavour.number(sample_time / substeps),
@@ -123,7 +124,7 @@ def damper_source(
             f"    {flavour.number(each.value or 0.0)},  /* {each.name} */" for each in parameters
         ),
         "limits": ", ".join(map(flavour.number, limits)),
-        "take": "" if spec.lagged else f"    {name}_carry(m, to.command);\n",
+        "take": "" if spec.n_rates else f"    {name}_carry(m, to.command);\n",
         **flavour.preamble(calls=text["calls"]),
         **text,
         **_with_lag(n_params, len(names), text, flavour, spec),
@@ -145,7 +146,7 @@ def damper_source(
         outputs=(Signal(name="force", unit="N", description="force with which the damper resists"),),
         parameters=parameters,
         n_states=spec.n_states,
-        is_lagged=spec.lagged,
+        is_lagged=spec.n_rates > 0,
         sample_time=sample_time,
         substeps=substeps,
         notes=(straight,),
@@ -156,19 +157,22 @@ def _with_lag(
     n_params: int, n_columns: int, text: dict[str, str], flavour: Flavour, spec: DamperSpec
 ) -> dict[str, str]:
     """What moves the current behind the lag of the driver, in a sub-step and as a rate."""
-    if not spec.lagged:
+    if not spec.n_rates:
         return {}
     fma = "fmaf" if flavour.single else "fma"
+    falls = "0" if spec.lag == "one_rate" else "!(m->current < command)"
     lines = [
         f"{flavour.real} middle[{n_params}], end[{n_params}];",
-        f"const {flavour.real} half_way = {fma}(m->current - command, m->decay, command);",
+        f"const {flavour.real} decay = m->decay[{falls}];",
+        f"const {flavour.real} half_way = {fma}(m->current - command, decay, command);",
         "parameters_at(m, half_way, middle);",
-        f"const {flavour.real} current = {fma}(half_way - command, m->decay, command);",
+        f"const {flavour.real} current = {fma}(half_way - command, decay, command);",
         "parameters_at(m, current, end);",
     ]
     ending = ["m->current = current;", "memcpy(m->p, end, sizeof end);"]
     before, after = ("".join(f"    {line}\n" for line in part) for part in (lines, ending))
-    rate = f"    rate[{spec.n_states}] = m->prepared[{n_columns - 1}] * (command - m->current);\n"
+    eta = f"m->prepared[{n_columns - spec.n_rates} + {falls}]"
+    rate = f"    rate[{spec.n_states}] = {eta} * (command - m->current);\n"
     return {"substep": before + text["substep"] + after, "rate": text["rate"] + rate}
 
 
@@ -221,7 +225,7 @@ def _sampled(spec: DamperSpec, theta: Floats, motion: Loading, dt: float, subste
         dt,
         substeps,
         [*map(str, spec.laws)],
-        spec.lagged,
+        spec.n_rates,
     )
     return Sampled(
         displacement=motion.displacement, velocity=velocity, command=command, force=np.asarray(force)

@@ -23,6 +23,7 @@ from mrwork.dampers.conversions import (
     of_modified,
 )
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import DRIVER_RATES
 from mrwork.dampers.spec import DamperSpec, by_parameter, damper, law_limits
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
@@ -225,8 +226,7 @@ def fitted_laws(spec: DamperSpec, commands: Floats, values: Floats) -> Floats:
     theta: list[float] = []
     for (parameter, law), column in zip(spec.law_pairs, values.T, strict=True):
         theta += law.through(parameter, commands, column)
-    if spec.lagged:
-        theta.append(spec.parameters[-1].nominal)
+    theta += [rate.nominal for rate in DRIVER_RATES[spec.lag]]
     box = Box.of(spec)
     return np.clip(theta, box.lower, box.upper)
 

@@ -350,7 +350,7 @@ class Fit(Plotted, WithAxes, Summarised):
         if self.current is None:
             return plain
         laws = dict(zip(plain.names, self.current.laws, strict=True))
-        return plain.with_current_laws(laws, unit=self.current.unit, lagged=self.current.lagged)
+        return plain.with_current_laws(laws, unit=self.current.unit, lag=self.current.lag)
 
     @property
     def status_in_words(self) -> str:

@@ -11,6 +11,7 @@ from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.remark import Measured, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw
+from mrwork.dampers.parameters import RATE_NAMES
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import OperatingRange
@@ -78,7 +79,7 @@ def fit_like(
     tests = tuple(_test(fit, loading, number) for number, loading in enumerate(loaded, start=1))
     like = _with_laws(plain, spec, tests)
     # Constant commands do not show the lag of the driver.
-    held = {"eta": (fit.parameters["eta"].value,) * 2} if "eta" in spec.names and "eta" in like.names else {}
+    held = {name: (fit.parameters[name].value,) * 2 for name in RATE_NAMES & {*spec.names} & {*like.names}}
     near = identify(like, tests, rng=rng, threads=threads, bounds=held)
     theta = np.array(near.theta)
     apart = [
@@ -148,7 +149,7 @@ def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...
         for parameter in model.plain
         if parameter.scales_with_force and parameter.lower > 0.0
     }
-    return model.with_current_laws(following, unit=like.command_unit, lagged=like.lagged)
+    return model.with_current_laws(following, unit=like.command_unit, lag=like.lag)
 
 
 def _percent(spec: DamperSpec, theta: Floats, loading: Loading, force: Floats) -> float:

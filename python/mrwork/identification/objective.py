@@ -330,7 +330,7 @@ class _AtCommands:
             [test.held_command for test in objective.compared if test.held_command is not None]
         )
         *coefficients, rest = by_parameter(spec, theta)
-        rest = rest[:, int(spec.lagged) :]
+        rest = rest[:, spec.n_rates :]
         n_plain, n_rest = len(spec.plain), rest.shape[1]
         values = np.empty((len(commands), len(theta), n_plain + n_rest))
         slopes = np.zeros((*values.shape, theta.shape[1]))
@@ -349,7 +349,7 @@ class _AtCommands:
         values[..., n_plain:] = rest
         slopes[..., n_plain:, slopes.shape[-1] - n_rest :] = np.eye(n_rest)
         parameter_of = np.repeat(np.arange(n_plain), [law.n_coefficients for law in spec.laws])
-        of_column = [*parameter_of, *[-1] * spec.lagged, *range(n_plain, n_plain + n_rest)]
+        of_column = [*parameter_of, *[-1] * spec.n_rates, *range(n_plain, n_plain + n_rest)]
         columns = tuple(sorted({int(of_column[column]) for column in box.free} - {-1}))
         return cls(
             plain=spec.without_laws,

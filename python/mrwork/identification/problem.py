@@ -21,7 +21,7 @@ from mrwork.dampers.command import command_level
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CommandLaw
-from mrwork.dampers.parameters import ParamSpec
+from mrwork.dampers.parameters import DRIVER_RATES, RATE_NAMES, ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
@@ -123,9 +123,9 @@ class Problem:
 
     @property
     def shows_rate(self) -> bool | None:
-        """Whether a command that varies shows the rate of the driver's lag; `None` where no rate is estimated."""
+        """Whether a command that varies shows the rates of the driver's lag; `None` where none is estimated."""
         box = self.form.box
-        if not self.spec.lagged or box.names.index(self.spec.names[-1]) not in box.free:
+        if not any(box.names.index(rate.name) in box.free for rate in DRIVER_RATES[self.spec.lag]):
             return None
         return any(test.has_varying_command for test in self.objective.tests)
 
@@ -327,9 +327,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
             f"{model.name} shares no parameter with {earlier.name}; start from a model with some of "
             f"{', '.join(plain.names)}"
         )
-    if "eta" in model.names and "eta" in values:
-        start["eta"] = values["eta"]
-    return start
+    return start | {name: values[name] for name in RATE_NAMES & {*model.names} & {*values}}
 
 
 def _transfer_law(

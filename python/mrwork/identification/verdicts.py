@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import DRIVER_RATE
+from mrwork.dampers.parameters import RATE_NAMES
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.covariance import INSENSITIVE, Covariance, states_of
 from mrwork.identification.equivalent import search_box
@@ -457,7 +457,7 @@ def fitted_parameters(
 
 def _beside_pulses(estimate: FittedParameter, averaged: float) -> FittedParameter:
     """The rate of a driver is not known from a command that is a mean over more than its time [s]."""
-    if estimate.name != DRIVER_RATE.name or averaged * estimate.value <= 1.0:
+    if estimate.name not in RATE_NAMES or averaged * estimate.value <= 1.0:
         return estimate
     reason = (
         f"the command is the mean of pulses over {1e3 * averaged:.3g} ms, which tells no rate above "

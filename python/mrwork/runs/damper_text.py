@@ -19,6 +19,7 @@ from mrwork.dampers.command import command_noise
 from mrwork.dampers.conventions import USUAL_OPENSEES_ERROR, opensees_from_bouc_wen, require_bounded_loop
 from mrwork.dampers.conversions import bouc_wen_from_normalised, normalised_from_bouc_wen
 from mrwork.dampers.coordinates import Box, bound_at
+from mrwork.dampers.parameters import DRIVER_RATES
 from mrwork.dampers.simulation import refuse_failure, simulate_forces, sinusoid
 from mrwork.dampers.spec import law_limits, plain_parameters
 from mrwork.errors import SettingError
@@ -212,9 +213,10 @@ def opensees_text(
 def _left_out(fit: Fit, command: float | None) -> list[str]:
     """What the parameters at a command leave out: observation model, lag of the driver, gap of the tested commands."""
     facts = [fit.observation_in_words] if fit.observation_in_words else []
-    if fit.spec.lagged:
-        eta = fit.parameters["eta"]
-        facts.append(f"the lag of the driver is not in it: its rate eta is {of_unit(eta.value, eta.unit, 4)}")
+    rates = [fit.parameters[rate.name] for rate in DRIVER_RATES[fit.spec.lag]]
+    if rates:
+        found = " and ".join(f"{rate.name} {of_unit(rate.value, rate.unit, 4)}" for rate in rates)
+        facts.append(f"the lag of the driver is not in it: {found}")
     gap, unit = fit.tested.gap, fit.tested.command_unit
     if command is not None and gap is not None and gap[0] < command < gap[1]:
         facts.append(f"no test is between {gap[0]:g} and {gap[1]:g} {unit}: its laws are interpolated there")

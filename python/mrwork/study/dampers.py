@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import chain, islice
 from math import cos, inf
 from pathlib import Path
-from typing import get_args
+from typing import TypeAlias, get_args
 
 import numpy as np
 
@@ -149,17 +149,24 @@ def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> Fitte
     return fitted.like(_model(table.like, "like").name)
 
 
+# The rate of a lag, or its rates of a rising and of a falling current [1/s]; `None` without a lag.
+_Rates: TypeAlias = float | tuple[float, float] | None
+
+
 def _parameters(
     table: DamperTable, known: DamperSpec, theta: Sequence[float]
-) -> tuple[dict[str, CommandLaw], dict[str, tuple[float, ...]], float | None]:
-    """Laws of the parameters, their coefficients, and the rate of the lag: as known, with changes that are given."""
-    laws, values, lag = known.laws_by_name, dict[str, tuple[float, ...]](), table.lag
+) -> tuple[dict[str, CommandLaw], dict[str, tuple[float, ...]], _Rates]:
+    """Laws of the parameters, their coefficients, and the rates of the lag: as known, with changes that are given."""
+    laws, values = known.laws_by_name, dict[str, tuple[float, ...]]()
+    lag: _Rates = table.lag
     plain = known.without_laws
     if theta:
-        # Coefficients in the order of the parameters, then the rate of the lag.
+        # Coefficients in the order of the parameters, then the rates of the lag.
         numbers = iter(theta)
         values = {name: tuple(islice(numbers, law.n_coefficients)) for name, law in laws.items()}
-        lag = next(numbers, None) if lag is None else lag
+        if lag is None:
+            first, second = next(numbers, None), next(numbers, None)
+            lag = first if first is None or second is None else (first, second)
     has = f"{plain.name} has no parameter"
     for name, value in (table.parameters or {}).items():
         with keyed("parameters", name):

@@ -112,7 +112,7 @@ def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bo
         *alone,
         model=kernel.spec.name,
         laws="\n".join(map(str, kernel.spec.laws)),
-        lagged=np.int64(kernel.spec.lagged),
+        rates=np.int64(kernel.spec.n_rates),
         columns=np.array(kernel.columns, dtype=np.int64),
         substeps=np.int64(kernel.substeps),
         threads=np.int64(kernel.threads),

@@ -21,7 +21,7 @@ from mrwork import _rust
 from mrwork.base.values import array_dataclass
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop_laws import Measurement
-from mrwork.twins.models import parameters_at, root, twin_of
+from mrwork.twins.models import left_of_lag, parameters_at, root, twin_of
 from mrwork.twins.own_stepping import radius_of
 
 # As STEPS_PER_CHECK of `block.rs`.
@@ -106,11 +106,6 @@ class LoopDevice:
             force = force - self.count * twin.force(p, states[1], -x, -v)
             rates.append(twin.rate(p, states[1], -x, -v))
         return force, jnp.stack(rates)
-
-    def decay(self, time: Array | float) -> Array:
-        """Fraction of the difference between command and coil current left after a time [s]; zero without a lag."""
-        left: Array = jnp.exp(-self.theta[-1] * time) if self.spec.lagged else jnp.zeros(())
-        return left
 
     def relaxation(self, p: Any, states: Array, x: Array, v: Array) -> Array:
         """Bound of the fastest relaxation of the states [1/s]."""
@@ -305,7 +300,7 @@ class _Loop:
         self.rows = jnp.stack([device.row for device in run.devices])
         # M^-1 e' of all devices, shape (n, n_devices).
         self.pulls = jnp.linalg.solve(run.plant.mass, self.rows.T)
-        self.lagged = jnp.array([device.spec.lagged for device in run.devices])
+        self.lagged = jnp.array([device.spec.n_rates > 0 for device in run.devices])
         self.fixed = jnp.asarray(run.held, dtype=jnp.float64)
         self.n_driven = len(run.devices) - len(self.fixed)
         self.h = run.sample_time / steps
@@ -396,7 +391,12 @@ class _Loop:
         a_g = lax.dynamic_slice(ground, (offset + 3 * j,), (3,))
         command = carry.commands[self.age(j)]
         current = jnp.where(self.lagged, carry.received, command)
-        decay = jnp.stack([device.decay(0.5 * h) for device in self.run.devices])
+        decay = jnp.stack(
+            [
+                left_of_lag(device.spec, device.theta, current[index], command[index], 0.5 * h)
+                for index, device in enumerate(self.run.devices)
+            ]
+        )
         middle = (current - command) * decay + command
         end = (middle - command) * decay + command
         first = self.stage(motion, current, a_g[0])

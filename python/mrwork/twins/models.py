@@ -317,6 +317,18 @@ def twin_with(
     )
 
 
+def left_of_lag(spec: DamperSpec, theta: Array, current: Array, command: Array, time: Array | float) -> Array:
+    """Share of the difference of the current in the coil and a held command that is left after a time [s].
+
+    `theta` is (..., n_params), current and command (...,); the share is zero without a lag.
+    """
+    rates = theta[..., theta.shape[-1] - spec.n_rates :]
+    if not spec.n_rates:
+        return jnp.zeros(theta.shape[:-1])
+    left: Array = jnp.exp(-jnp.where(current < command, rates[..., 0], rates[..., -1]) * time)
+    return left
+
+
 def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
     """Parameters of the plain model, as `Theta` of the twin, for a command received by the coil."""
     values, start = [], 0

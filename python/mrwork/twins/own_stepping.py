@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array, lax
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.models import parameters_at, twin_of
+from mrwork.twins.models import left_of_lag, parameters_at, twin_of
 from mrwork.twins.record_arrays import RecordArrays, motion_at
 
 # Largest product of a step and the fastest relaxation, as RESOLUTION of `integrate.rs`.
@@ -43,7 +43,7 @@ def _kept(rows: Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | 
     theta, (splines, facts, command), n_time, substeps = rows
     n_batch, dt = len(theta), facts[0]
     varies = len(command) > 1
-    lagged = varies and spec.lagged
+    lagged = varies and spec.n_rates > 0
     if not (spec.n_states or lagged):
         received = jnp.broadcast_to(command[:, None], (n_kept, n_batch)) if varies else None
         return jnp.zeros((n_kept, n_batch, 0)), received
@@ -59,7 +59,7 @@ def _kept(rows: Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | 
         def at(time: Array) -> Any:
             if steady is not None:
                 return steady
-            left = jnp.exp(-theta[:, -1] * time) if lagged else 0.0
+            left = left_of_lag(spec, theta, at_coil, held, time) if lagged else 0.0
             return _parameters(spec, theta, held + (at_coil - held) * left)
 
         def substep(j: Any, state: Array) -> Any:
@@ -75,10 +75,9 @@ def _kept(rows: Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | 
 
         if spec.n_states:
             state = lax.fori_loop(0, substeps, substep, state)
-        left = jnp.exp(-theta[:, -1] * dt) if lagged else 0.0
         # Without a lag the coil has the command at once, also the command of the next sample.
         after = (
-            held + (at_coil - held) * left
+            held + (at_coil - held) * left_of_lag(spec, theta, at_coil, held, dt)
             if lagged
             else jnp.broadcast_to(command[k + 1] if varies else held, (n_batch,))
         )

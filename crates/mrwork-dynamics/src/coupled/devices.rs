@@ -5,7 +5,7 @@ use core::hint::black_box;
 use super::stages::{END, MIDDLE};
 use crate::current_law::{CurrentLaws, Evaluate, Follow, Prepare};
 use crate::damper::model::{DamperModel, Motion, State};
-use crate::elementary::exp;
+use crate::lag::Decay;
 use crate::lanes::Lanes;
 use crate::parameters::{FromSlice, offsets};
 use crate::real::{OutOfLine, Real};
@@ -70,7 +70,6 @@ impl<R> DeviceState<R> {
 pub(crate) struct DamperDevices<'a, M: DamperModel, R: Real> {
     laws: &'a CurrentLaws,
     follows: bool,
-    lagged: bool,
     devices: Vec<Device<M, R>>,
     force: Vec<R>,
     current: Vec<R>,
@@ -85,8 +84,7 @@ struct Device<M: DamperModel, R: Real> {
     values: Vec<R>,
     /// Command that the driver receives.
     command: R,
-    /// Factor by which the lag reduces the difference of current and command in half a step; zero without a lag.
-    decay: R,
+    decay: Decay<R>,
     /// Parameters that count as zero: two dampers in opposition are computed as one with twice the force and no offset.
     cancelled: Vec<usize>,
     /// Parameters in the middle and at the end of a step; the start is the end of the step before.
@@ -119,7 +117,6 @@ impl<'a, M: DamperModel, R: Lanes> DamperDevices<'a, M, R> {
         let mut dampers = DamperDevices {
             laws,
             follows: !laws.are_constant(),
-            lagged: laws.lag_column().is_some(),
             devices: Vec::with_capacity(mountings.len()),
             force: zeros.clone(),
             current: zeros,
@@ -159,9 +156,9 @@ impl<M: DamperModel, R: Lanes> Devices<R> for DamperDevices<'_, M, R> {
 
     #[allow(clippy::float_cmp)] // the same number, or another
     fn set_step(&mut self, step: f64) {
-        if let (Some(column), true) = (self.laws.lag_column(), step != self.step) {
+        if self.laws.are_lagged() && step != self.step {
             for Device { columns, decay, .. } in &mut self.devices {
-                R::out_of_line(SetDecay { rate: &columns[column], step, decay });
+                R::out_of_line(SetDecay { rates: self.laws.rates(columns), step, decay });
             }
         }
         self.step = step;
@@ -239,7 +236,7 @@ impl<M: DamperModel, R: Lanes> OutOfLine for AtRest<'_, '_, M, R> {
                 values[parameter] = R::splat(0.0);
             }
             let at = [M::Parameters::from_slice(&values); 2];
-            let (command, decay) = (R::splat(0.0), R::splat(0.0));
+            let (command, decay) = (R::splat(0.0), Decay::of(&[], 0.0));
             devices.push(Device { columns, values, command, decay, cancelled, at, dampers });
         }
     }
@@ -265,16 +262,16 @@ impl<M: DamperModel, R: Lanes> OutOfLine for TakeParameters<'_, M, R> {
 }
 
 struct SetDecay<'a, R> {
-    rate: &'a R,
+    rates: &'a [R],
     step: f64,
-    decay: &'a mut R,
+    decay: &'a mut Decay<R>,
 }
 
 impl<R: Lanes> OutOfLine for SetDecay<'_, R> {
     type Home = Self;
     #[inline(always)]
     fn run(self) {
-        *self.decay = exp(*self.rate * R::splat(-0.5 * self.step));
+        *self.decay = Decay::of(self.rates, self.step);
     }
 }
 
@@ -294,7 +291,7 @@ impl<M: DamperModel, R: Lanes> OutOfLine for ReceiveCommands<'_, '_, M, R> {
             dampers.devices[device].command = command;
             // A current that stays leaves the parameters as they are, but not their derivatives.
             let stays = !R::HAS_DERIVATIVES && R::all(command.equal(dampers.current[device]));
-            if at_once || !(dampers.lagged || stays) {
+            if at_once || !(dampers.laws.are_lagged() || stays) {
                 *jumps = true;
                 dampers.current[device] = command;
                 if dampers.follows {
@@ -316,10 +313,10 @@ impl<M: DamperModel, R: Lanes> OutOfLine for AdvanceDrivers<'_, '_, M, R> {
         let Self { dampers } = self;
         for index in 0..dampers.devices.len() {
             let device = &mut dampers.devices[index];
-            let (command, decay) = (device.command, device.decay);
-            if dampers.lagged {
+            if dampers.laws.are_lagged() {
                 for moment in [MIDDLE, END] {
-                    dampers.current[index] = (dampers.current[index] - command).mul_add(decay, command);
+                    let Device { command, decay, .. } = &dampers.devices[index];
+                    dampers.current[index] = decay.moved(dampers.current[index], *command);
                     dampers.follow(index, moment);
                 }
             } else {

@@ -8,7 +8,7 @@ use super::term::Term;
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, MotionNumber, State};
 use crate::damper::{ModelVisitor, visit};
-use crate::elementary::exp;
+use crate::lag::Decay;
 use crate::parameters::FromSlice;
 use crate::real::Real;
 
@@ -29,9 +29,9 @@ impl MotionNumber<Self> for T {
 /// Statements of the functions of a damper, whose memory is `m`.
 ///
 /// `m->prepared` are the coefficients as the laws take them, `m->p` the parameters at the current in the coil, `m->state` the
-/// states and `m->decay` the factor by which the driver's lag shrinks in half a sub-step.
+/// states and `m->decay[]` the factors by which the driver's lag shrinks in half a sub-step, one for each rate.
 pub struct DamperText {
-    /// Fills `m->prepared` and, with a lag, `m->decay` from the coefficients.
+    /// Fills `m->prepared` and, with a lag, `m->decay[]` from the coefficients.
     pub prepare: String,
     /// Fills `p[]` from `m->prepared` and `current`.
     pub parameters: String,
@@ -76,11 +76,11 @@ impl Recorded<'_> {
         let mut formula = Formula::new(self.precision);
         let mut columns: Vec<T> = self.coefficients.iter().map(|name| formula.input(name)).collect();
         self.laws.prepare(&mut columns);
-        let decay = self.laws.lag_column().map(|column| {
-            let factor = exp(columns[column] * <T as Real>::splat(-0.5 * self.step));
-            ("m->decay =".to_owned(), factor)
-        });
-        self.statements(&formula, assigned("m->prepared", columns).into_iter().chain(decay))
+        let mut ends = Vec::new();
+        if self.laws.are_lagged() {
+            ends = assigned("m->decay", Decay::of(self.laws.rates(&columns), self.step).factors());
+        }
+        self.statements(&formula, assigned("m->prepared", columns).into_iter().chain(ends))
     }
 
     fn parameters(&self) -> String {
@@ -107,8 +107,7 @@ impl Recorded<'_> {
 
     fn substep<M: DamperModel>(&self) -> String {
         let mut formula = Formula::new(self.precision);
-        let names: &[&str] =
-            if self.laws.lag_column().is_some() { &["m->p", "middle", "end"] } else { &["m->p"] };
+        let names: &[&str] = if self.laws.are_lagged() { &["m->p", "middle", "end"] } else { &["m->p"] };
         let values: Vec<Vec<T>> =
             names.iter().map(|name| formula.inputs(name, self.laws.n_params())).collect();
         let p = [0, 1, 2].map(|stage| M::Parameters::from_slice(values.get(stage).unwrap_or(&values[0])));

@@ -165,9 +165,10 @@ class DesignProblem(Summarised):
 
     @property
     def driver_rates(self) -> tuple[float | None, ...]:
-        """Rate of the lag of the driver of each device [1/s]; `None` without one."""
-        # It is the last parameter of a model that has one.
-        return tuple(float(device.draws[0, -1]) if device.spec.lagged else None for device in self.devices)
+        """Rate of the lag of the driver of each device [1/s], of two the slower; `None` without one."""
+        # They are the last parameters of a model that has them.
+        lags = (device.draws[0, device.draws.shape[1] - device.spec.n_rates :] for device in self.devices)
+        return tuple(float(rates.min()) if rates.size else None for rates in lags)
 
     @checked
     def each(self, number: Annotated[float, May.BE_INFINITE]) -> Floats:

@@ -463,7 +463,7 @@ class DamperDesign(Summarised):
         powers = np.vander(current, 4, increasing=True)
         predicted = (powers @ f_c)[:, None] + (powers @ c0)[:, None] * velocities
         return DesignedModel(
-            spec=plain.with_current_laws(_LAWS, unit="A", lagged=True),
+            spec=plain.with_current_laws(_LAWS, unit="A", lag="one_rate"),
             theta=(
                 *f_c.tolist(),
                 _TRANSITION * self.velocity,

@@ -35,7 +35,7 @@ typedef struct {
     int begun;
     $real prepared[$n_prepared];  /* coefficients as the laws take them */
     $real p[$n_params];          /* parameters at the current */
-    $real decay;                 /* of the driver's lag in half a sub-step */
+    $real decay[$n_decays];              /* of the driver's lag in half a sub-step, rising and falling */
     ${name}_limits limits;
 } ${name}_memory;
 

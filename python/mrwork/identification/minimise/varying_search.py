@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrwork.base.values import Floats
+from mrwork.dampers.parameters import DRIVER_RATES
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.commands import CommandedTests, excerpts_of
 from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box, widened
@@ -45,9 +46,9 @@ def scaled_laws(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> 
         coefficients = law.through(parameter, commands, column)
         owner += [index] * len(coefficients)
         factor += coefficients
-    if spec.lagged:
+    for rate in DRIVER_RATES[spec.lag]:
         owner.append(-1)
-        factor.append(spec.parameters[-1].nominal)
+        factor.append(rate.nominal)
     for index, parameter in enumerate(spec.parameters):
         if parameter.coefficient is not None and parameter.coefficient.is_rate:
             owner[index] = -1
@@ -97,8 +98,7 @@ def points_from_scaled_forces(
     settings = search if isinstance(search, Race) else Race(most_rounds=1)
 
     def with_rates(starts: Floats) -> Floats:
-        if spec.lagged:
-            starts[:, -1] *= np.resize(_RATES, len(starts))
+        starts[:, starts.shape[1] - spec.n_rates :] *= np.resize(_RATES, (len(starts), 1))
         return starts
 
     def draw_local(number: int) -> Floats:

@@ -94,7 +94,8 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
 
     The extremes of stroke, speed and frequency are fitted, so that the others lie between them; of the others one in
     three is kept for test and one in three for calibration, of a single one for test. Tests that are alike share
-    their use. With fewer than two motions, or with extremes only, every test is fitted.
+    their use. With fewer than two motions, or with extremes only, every test is fitted. Of the tests whose command
+    varies the fastest motion is fitted: they alone show the lag of the driver.
     """
     folds = groups_of(tests, "motion")
     speeds = [float(np.abs(test.velocity).max()) for test in tests]
@@ -107,6 +108,11 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
         most = int(np.argmax(values))
         if not any(values[extreme] >= values[most] - _ALIKE * abs(values[most]) for extreme in extremes):
             extremes.add(most)
+    varying = [
+        number for number, fold in enumerate(folds) if any(tests[index].has_varying_command for index in fold)
+    ]
+    if varying and not extremes & {*varying}:
+        extremes.add(max(varying, key=lambda number: float(speed[number])))
     between = sorted(set(range(len(folds))) - extremes, key=lambda fold: float(speed[fold]))
     # Of one or two motions the first is for test.
     offset = 1 if len(between) < _THIRDS else 0

@@ -8,6 +8,8 @@ from operator import attrgetter
 from typing import Annotated, Any, ClassVar, overload
 from warnings import warn
 
+import numpy as np
+
 from mrwork.base.arguments import Level, checked
 from mrwork.base.hints import Within
 from mrwork.base.remark import Measured, Remark, RemarkKind
@@ -17,6 +19,7 @@ from mrwork.dampers.spec import LAW_BEYOND, worst_laws
 from mrwork.dampers.tested_range import outside_remark, worst_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification.fit import Fit, FitQuality, FitSpread
+from mrwork.identification.minimise.driver_lag import unfitted_lag
 from mrwork.identification.problem import ignored_commands
 from mrwork.identification.residual import estimated_in_words, refuse_free, unestimated_effects
 from mrwork.records import DamperTest, Likeness
@@ -193,6 +196,9 @@ class Predictions(Summarised):
         """What the command, the observation and the tested ranges of the fit say against the predictions."""
         cases = [(prediction.test.label, prediction.outside) for prediction in self.predictions]
         tests = [prediction.test for prediction in self.predictions]
+        # Before the tested ranges: a lag that is missing is not the fault of the motion.
+        fit, unseen = self.fit, [each.test for each in self.predictions if each.seen is None]
+        yield from unfitted_lag(fit.spec, np.array(fit.theta), unseen, fit.settings)
         yield from unestimated_effects(self.fit.settings.observing, self.observe)
         yield from ignored_commands(self.fit.spec, tests)
         for exceedance, label, count in worst_of(cases):

@@ -63,7 +63,9 @@ def families(
     for spec in specs:
         names = {parameter.name for parameter in spec.plain}
         if own := {name: law for name, law in laws.items() if name in names}:
-            spec = with_laws_at(spec.with_current_laws({}, unit=unit, lagged=lagged), own, tests)
+            spec = with_laws_at(
+                spec.with_current_laws({}, unit=unit, lag="one_rate" if lagged else "none"), own, tests
+            )
         lawful.append(spec)
     refuse_unknown("law", laws, [parameter.name for spec in specs for parameter in spec.plain])
     refuse_unknown("bound", bounds, [name for spec in lawful for name in spec.names])

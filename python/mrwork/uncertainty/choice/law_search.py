@@ -27,7 +27,7 @@ from mrwork.dampers.laws import (
     LawName,
     law_through,
 )
-from mrwork.dampers.parameters import ParamSpec, Scale
+from mrwork.dampers.parameters import Lag, ParamSpec, Scale
 from mrwork.dampers.spec import DamperSpec, least_curved, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
@@ -180,9 +180,9 @@ class LawSearch:
         """The commands at which laws have values: those of the tests, or the most telling ones where they vary."""
         return self.promises.commands
 
-    def leave_lag_out(self) -> None:
-        """Go on without the lag of the driver."""
-        self.promises = replace(self.promises, model=with_changed_laws(self.promises.model, lagged=False))
+    def take_lag(self, lag: Lag) -> None:
+        """Go on with the lag of the driver that the first laws show."""
+        self.promises = replace(self.promises, model=with_changed_laws(self.promises.model, lag=lag))
         self.models.clear()
 
     def take_effects(self, first: Fit) -> None:
@@ -534,7 +534,7 @@ class LawSearch:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
         if laws not in self.models:
             spec = with_changed_laws(
-                self.plain.with_current_laws({}, unit=self.folds.unit, lagged=self.promises.model.lagged),
+                self.plain.with_current_laws({}, unit=self.folds.unit, lag=self.promises.model.lag),
                 laws_at(self.given | dict(laws.laws), self.commands),
             )
             form = identifiable_form(spec, self.bounds_of(laws))
@@ -648,7 +648,7 @@ def prepare_search(
         # Every law that is tried is nearly one through values at these.
         every = CommandLaw(form="monotone").at_commands(commands.tolist())
         commands, full = np.array(every.nodes), dict.fromkeys(plain.names, every)
-        linear = plain.with_current_laws(full, unit=unit, lagged=lagged)
+        linear = plain.with_current_laws(full, unit=unit, lag="one_rate" if lagged else "none")
     else:
         of_test = np.searchsorted(commands, tested.set_points)
     return LawSearch(

@@ -71,9 +71,10 @@ class _ChoosingLaws(Choosing):
             self.firsts[search.name] = first
             # Else the laws make up for what moves with the damper, or comes late.
             search.take_effects(first)
-            if search.promises.model.lagged and not first.spec.lagged:
-                search.leave_lag_out()
-                self.remarks += (_NO_LAG.remark(search.name),)
+            if search.promises.model.lag != first.spec.lag:
+                search.take_lag(first.spec.lag)
+                if not first.spec.n_rates:
+                    self.remarks += (_NO_LAG.remark(search.name),)
             with_journal(self.journal_of, f"{search.name}/laws", partial(self._try_laws, search))
 
     def choice(self) -> Choice:
@@ -355,7 +356,10 @@ def choose_laws(
             unit,
             leave_out,
             replace(
-                settings, bounds=select_known(settings.bounds, spec.with_current_laws({}, lagged=lagged))
+                settings,
+                bounds=select_known(
+                    settings.bounds, spec.with_current_laws({}, lag="one_rate" if lagged else "none")
+                ),
             ),
             threads,
             lagged=lagged,

@@ -107,4 +107,5 @@ class Promises:
         if not self.varies:
             return curves
         values = curves.transpose(0, 2, 1).reshape(len(theta), 1, -1)
-        return np.concatenate([values, theta[:, None, -1:]], axis=-1) if self.model.lagged else values
+        rates = theta[:, None, theta.shape[1] - self.model.n_rates :]
+        return np.concatenate([values, rates], axis=-1)
