@@ -29,6 +29,7 @@ class PrintedLoop:
     hardware: Hardware
     observer: _rust.Observer | None
     n_commanded: int
+    own: _rust.LawTape | None
     matrices: Observer | None
 
 
@@ -71,5 +72,6 @@ def printed_loop(
             hardware=hardware,
             observer=core.observer,
             n_commanded=len(driven),
+            own=None,
             matrices=observer,
         )
