@@ -133,7 +133,7 @@ def test_readings_are_those_of_a_sample_in_its_order() -> None:
     entries = [entry.name for entry in fields(LoopSample)]
     assert get_args(Reading) == tuple(READINGS)
     assert [entry for entry in entries if entry in READINGS] == [*READINGS]
-    assert {*entries} - {*READINGS} == {"time", "candidate", "motion", "largest", "rms"}
+    assert {*entries} - {*READINGS} == {"time", "sample_time", "candidate", "motion", "largest", "rms"}
 
 
 def test_the_protocol_says_what_is_sent(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw
 from mrwork.closed_loop.recorded_law import LoopShape
+from mrwork.closed_loop.rows_law import RowsLaw
 from mrwork.dampers.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -158,7 +159,7 @@ def test_a_loop_with_a_recorded_law_goes_to_another_process() -> None:
         largest=(1.88, 1.88),
         sample_time=1e-3,
     )
-    recorded, settings = law.recorded(shape, 1)
+    recorded, settings = RowsLaw(formula=law.formula, settings=np.zeros((1, 0))).recorded(shape)
     assert pickle.loads(pickle.dumps(recorded)) == recorded
     assert settings.shape == (1, 0)
     # The law reads two rates and an acceleration, and keeps one number.

@@ -46,8 +46,8 @@ class LoopSample(Summarised):
 
     Attributes
     ----------
-    time
-        Time from the start of the motions [s].
+    time, sample_time
+        Time from the start of the motions, and from sample to sample [s].
     candidate, motion
         Index of the candidate and of the motion of each run, shape (n_runs,).
     displacement, velocity
@@ -72,6 +72,7 @@ class LoopSample(Summarised):
 
     _units: ClassVar[dict[str, str]] = {
         "time": "s",
+        "sample_time": "s",
         "displacement": "m",
         "velocity": "m/s",
         **RunningRms._units,
@@ -80,6 +81,7 @@ class LoopSample(Summarised):
     }
 
     time: float
+    sample_time: float
     candidate: NDArray[np.intp]
     motion: NDArray[np.intp]
     displacement: Floats
@@ -110,7 +112,7 @@ class LoopSample(Summarised):
 READINGS: Final = {
     entry.name: LoopSample._units[entry.name]
     for entry in fields(LoopSample)
-    if entry.name in LoopSample._units and entry.name not in ("time", "largest")
+    if entry.name in LoopSample._units and entry.name not in ("time", "sample_time", "largest")
 }
 """Readings of a `LoopSample` with their units, in its order, which is that of an `Ask`."""
 RMS_READINGS: Final = tuple(entry.name for entry in fields(RunningRms))

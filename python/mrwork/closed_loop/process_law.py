@@ -32,7 +32,7 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.responses import command_unit_of
 from mrwork.closed_loop.round_trips import LostController, RoundTrips
-from mrwork.closed_loop.user_law import Ask, AskOfRuns
+from mrwork.closed_loop.rows_law import Ask, AskOfRuns
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of

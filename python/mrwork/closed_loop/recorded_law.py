@@ -10,22 +10,20 @@ from __future__ import annotations
 import gc
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from mrwork.base.effects import effect_of
+from mrwork.base.effects import effect_of, with_numpy
 from mrwork.base.recording import Cell, Node, NotRecordedError, Recording
 from mrwork.base.tape import Tape, tape_of
 from mrwork.base.traced import bare, inputs
 from mrwork.base.values import Floats
 from mrwork.closed_loop.loop_sample import READINGS, RMS_READINGS, LoopSample, RunningRms
+from mrwork.control.laws.own_formula import OwnFormula
 from mrwork.store.user_python import in_words, place_of, place_raised, start_of
-
-RowsCommand = Callable[[Any, Any, Any], Any]
-"""A law for rows of runs: what is measured, the memory and the settings of each, and the commands it returns."""
 
 # An input that a law reads through its running root mean square alone, which leaves out what is not a number.
 _FADING: Final = "fading "
@@ -59,7 +57,6 @@ class LoopShape:
     lengths: Mapping[str, int | None]
     largest: tuple[float, ...]
     sample_time: float
-    rms_time: float | None = None
 
     def rows(self, name: str, n_runs: int) -> tuple[int, ...]:
         """Shape of a reading of several runs."""
@@ -110,35 +107,21 @@ class Graph:
         return (self.kept, self.commands) == (other.kept, other.commands)
 
 
-def record_law(
-    command: RowsCommand,
-    function: Callable[..., Any],
-    shape: LoopShape,
-    start: Floats,
-    settings: Floats,
-    names: Sequence[str],
-) -> tuple[RecordedLaw, Floats]:
+def record_law(formula: OwnFormula, shape: LoopShape, settings: Floats) -> tuple[RecordedLaw, Floats]:
     """The tape of a law, and its settings for each candidate, shape (n_candidates, n_settings).
 
-    Parameters
-    ----------
-    command
-        The law for rows of runs.
-    function
-        What the user has written, whose text is looked at.
-    start
-        Memory at the start, shape (n_memory,).
-    settings, names
-        Settings of each candidate, shape (n_candidates, n_settings), and their names, which the tape has as inputs.
+    Settings of the formula are inputs, of which `settings` has a row for each candidate; numbers that differ from
+    candidate to candidate by themselves become further ones.
 
     Raises
     ------
     NotRecordedError
         If it cannot be recorded.
     """
+    function = formula.function
     if effect := effect_of(function):
         raise NotRecordedError(effect, "")
-    law = _Law(command, shape, start, names)
+    law = _Law(formula, shape)
     try:
         first, again = law.graph(0), law.graph(0)
         if not (first.recording.same_as(again.recording) and first.same_ends_as(again)):
@@ -147,7 +130,7 @@ def record_law(
         if not all(first.recording.alike(each.recording) and first.same_ends_as(each) for each in graphs):
             raise NotRecordedError("its operations differ from candidate to candidate", place_of(function))
         law.compare(first, settings[0])
-        return _on_tape(graphs, tuple(names), settings)
+        return _on_tape(graphs, formula.names, settings)
     except NotRecordedError:
         raise
     except (Exception, SystemExit) as error:
@@ -158,8 +141,9 @@ def record_law(
 class _Law:
     """A law with what it is recorded for."""
 
-    def __init__(self, command: RowsCommand, shape: LoopShape, start: Floats, names: Sequence[str]) -> None:
-        self._command, self._shape, self._start, self._names = command, shape, start, names
+    def __init__(self, formula: OwnFormula, shape: LoopShape) -> None:
+        self._command, self._shape = formula.rows(with_numpy(formula.function)), shape
+        self._start, self._names, self._rms_time = formula.start, formula.names, formula.rms_time
 
     def graph(self, candidate: int) -> Graph:
         """What the law does for a candidate.
@@ -192,6 +176,7 @@ class _Law:
         rms, squares = self._running(recording)
         sample: Any = LoopSample(
             time=inputs(recording, "time", ()),  # type: ignore[arg-type] # cells in the place of numbers
+            sample_time=shape.sample_time,
             candidate=np.array([candidate]),
             motion=inputs(recording, "motion", (1,)),  # type: ignore[arg-type]
             **readings,  # type: ignore[arg-type]
@@ -216,9 +201,9 @@ class _Law:
     def _running(self, recording: Recording) -> tuple[RunningRms | None, tuple[tuple[int, int], ...]]:
         """Running root mean squares by the operations of the loop, and their squares before and after."""
         shape = self._shape
-        if shape.rms_time is None:
+        if self._rms_time is None:
             return None, ()
-        left = math.exp(-shape.sample_time / shape.rms_time)
+        left = math.exp(-shape.sample_time / self._rms_time)
         roots, squares = {}, list[tuple[int, int]]()
         for name in RMS_READINGS:
             rows = shape.rows(name, 1)
@@ -250,15 +235,16 @@ class _Law:
             "setting": np.broadcast_to(settings, (n, len(settings))),
         }
         roots = {}
-        for name in RMS_READINGS if shape.rms_time is not None else ():
+        for name in RMS_READINGS if self._rms_time is not None else ():
             squares = rng.uniform(0.0, _SIZES[name] ** 2, shape.rows(name, n))
             columns |= {f"square {name}": squares, f"{_FADING}{name}": readings[name]}
-            left = math.exp(-shape.sample_time / (shape.rms_time or 1.0))
+            left = math.exp(-shape.sample_time / (self._rms_time or 1.0))
             roots[name] = np.sqrt(left * squares + (1.0 - left) * np.square(readings[name]))
         for name, rows in columns.items():
             given |= {(name, place): column for place, column in enumerate(rows.reshape(n, -1).T)}
         sample = LoopSample(
             time=time,
+            sample_time=shape.sample_time,
             candidate=np.zeros(n, dtype=np.intp),
             motion=np.zeros(n, dtype=np.intp),
             **{name: reading.copy() for name, reading in readings.items()},

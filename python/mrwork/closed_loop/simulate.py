@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import May, Threads, Whole, checked
-from mrwork.base.recording import NotRecordedError
-from mrwork.base.remark import ONCE, Remark, RemarkKind
+from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device as Device
@@ -42,11 +41,12 @@ from mrwork.closed_loop.core_loop import (
 )
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.laws_of_users import IN_PYTHON, law_in_loop, loop_shape, recorded_for
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.process_law import ProcessLaw
-from mrwork.closed_loop.recorded_law import LoopShape, RecordedLaw
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
+from mrwork.closed_loop.rows_law import RowsLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
 from mrwork.control.laws.gain_conventions import gain_remarks
@@ -97,12 +97,6 @@ _BLOCK_SECONDS = 1.0
 # thread; down to this part of it where a call would have fewer chunks.
 _CHUNK_STEPS = 3e7
 _CHUNKS, _FINEST = 16, 8.0
-_IN_PYTHON = RemarkKind(
-    "law_in_python",
-    "{0} is called in Python at every control sample, on one thread and some ten times as slow as a law that is "
-    "recorded: {1}",
-    verbs=ONCE,
-)
 # Quantities in proportion to the command.
 _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
 
@@ -174,9 +168,7 @@ def simulate_loop(
     (1, 3)
     """
     hardware = Hardware() if hardware is None else hardware
-    user = None if isinstance(law, ControlLaw) else law
-    if not isinstance(law, ControlLaw):
-        law = law.placeholder(commanded(devices))
+    user, law = law_in_loop(law, commanded(devices), 2 * building.n_coordinates)
     if not devices:
         raise SettingError(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
@@ -245,7 +237,10 @@ def simulate_loop(
     if hardware.feedback != "state":
         with core_refusals():
             observer = loop_observer(nominal or building, devices, hardware)
-    recorded, settings, reason = _recorded(user, building, driven, hardware, n_candidates)
+    if isinstance(user, RowsLaw):
+        rows = np.broadcast_to(user.settings, (n_candidates, user.settings.shape[1]))
+        user = replace(user, settings=rows)
+    recorded, settings, reason = recorded_for(user, loop_shape(building, driven, hardware))
     asked = None if recorded is not None else user
     shapes = {gain.name: gain.shape_for(len(driven), n_states) for gain in law.spec.gains}
     zeros = {name: np.zeros(shape) for name, shape in shapes.items() if name in law.gains}
@@ -285,8 +280,8 @@ def simulate_loop(
         theta=theta,
     )
     law_remarks: tuple[Remark, ...] = ()
-    if isinstance(user, UserLaw) and reason:
-        law_remarks = (_IN_PYTHON.remark(user.name, reason),)
+    if isinstance(user, RowsLaw) and reason:
+        law_remarks = (IN_PYTHON.remark(user.formula.name, reason),)
     # A design has looked at its own gain.
     if SETTINGS[law.name].is_regulator and law.margins is None and len(gains) == 1:
         plant = plant_of(building, elongation_rows(building, driven))
@@ -301,48 +296,12 @@ def simulate_loop(
     else:
         parts, order = _respond_elsewhere(workers, loop, runs, on_progress), np.arange(len(runs.runs))
     responses = _responses(core, runs, parts, order, varied or [building], factors)
-    if recorded is not None and isinstance(user, UserLaw):
+    if recorded is not None and isinstance(user, RowsLaw):
         _blame(user, core, runs, responses)
     return replace(responses, law_remarks=law_remarks)
 
 
-def _recorded(
-    user: UserLaw | ProcessLaw | None,
-    building: Building,
-    driven: Sequence[Device],
-    hardware: Hardware,
-    n_candidates: int,
-) -> tuple[RecordedLaw | None, Floats, str]:
-    """A law of the user on a tape with settings, shape (n_candidates, n_settings), or the reason why there is none."""
-    none = np.zeros((n_candidates, 0))
-    if not isinstance(user, UserLaw) or user.record is False:
-        return None, none, ""
-    n, n_devices = building.n_coordinates, len(driven)
-    shape = LoopShape(
-        lengths={
-            "displacement": n,
-            "velocity": n,
-            "deformation": n_devices,
-            "rate": n_devices,
-            "force": n_devices,
-            "acceleration": len(building.floors),
-            "ground_acceleration": None,
-            "ground_velocity": None,
-            "drift": len(hardware.measured_storeys),
-        },
-        largest=tuple(float(device.largest_command) for device in driven),
-        sample_time=hardware.sample_time,
-    )
-    try:
-        recorded, settings = user.recorded(shape, n_candidates)
-    except NotRecordedError as reason:
-        if user.record:
-            raise SettingError(f"{user.name} cannot be recorded: {reason}") from None
-        return None, none, str(reason)
-    return recorded, settings, ""
-
-
-def _blame(user: UserLaw, core: CoreLoop, runs: RunsOfLoop, responses: Responses) -> None:
+def _blame(user: RowsLaw, core: CoreLoop, runs: RunsOfLoop, responses: Responses) -> None:
     """Refuse a law that made no number of numbers: the function itself is asked in the first run that failed safe."""
     failed = np.flatnonzero(np.ravel(responses.outcome) == Outcome.FAILED_SAFE)[:1]
     if len(failed):
@@ -375,7 +334,7 @@ def _respond_here(
     loop: LoopOfRuns,
     runs: RunsOfLoop,
     simulate: Simulator,
-    user: UserLaw | ProcessLaw | None,
+    user: RowsLaw | ProcessLaw | None,
     on_progress: Callable[[int, int], None] | None,
 ) -> tuple[list[Any], NDArray[np.intp]]:
     """Runs in this process part by part, and the order in which they were simulated."""
