@@ -30,6 +30,8 @@ class OwnFormula:
         Names of the settings, in the order of the columns that it takes.
     rms_time
         Time constant of the running root mean squares of the readings [s], `None` for none.
+    given
+        The other arguments of `own_law`, as Python has them.
     record
         Whether it must be recorded, or must not be; `None` where it can be.
     """
@@ -40,6 +42,7 @@ class OwnFormula:
     start: Floats
     names: tuple[str, ...] = ()
     rms_time: float | None = None
+    given: str = ""
     record: bool | None = None
 
     @property

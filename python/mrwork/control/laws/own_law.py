@@ -102,6 +102,18 @@ def own_law(
         start=np.concatenate([np.zeros(0), *(start.ravel().astype(np.float64) for start in kept.values())]),
         names=tuple(declared),
         rms_time=rms_time,
+        given=", ".join(
+            f"{argument}={value!r}"
+            for argument, value in {
+                "memory": {each: start.tolist() for each, start in kept.items()},
+                "settings": declared,
+                "name": name,
+                "title": title,
+                "rms_time": rms_time,
+                "record": record,
+            }.items()
+            if value
+        ),
         record=record,
     )
     digest = digest_of(
