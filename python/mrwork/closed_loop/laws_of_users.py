@@ -21,7 +21,7 @@ from mrwork.errors import SettingError
 
 IN_PYTHON = RemarkKind(
     "law_in_python",
-    "{0} is called in Python at every control sample, on one thread and some ten times as slow as a law that is "
+    "{0} is called in Python at every control sample, on one thread and ten to twenty times as slow as a law that is "
     "recorded: {1}",
     verbs=ONCE,
 )
