@@ -30,7 +30,7 @@ def _index() -> str:
         "(control-laws)=\n# Control laws",
         "A law gives the command of each device at every control sample from what its sensors, or an observer, say of "
         "the state. `mrwork respond --laws` prints these pages. A law of your own in Python runs in the same loop: see "
-        "{py:class}`mrwork.closed_loop.UserLaw`.",
+        "{py:func}`mrwork.own_law`.",
         table(("law", "name", "needs"), rows),
         "## Constant commands",
         "A study takes these as laws too, without settings:",

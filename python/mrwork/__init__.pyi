@@ -25,6 +25,7 @@ from .closed_loop.hardware import Hardware as Hardware
 from .closed_loop.responses import Responses as Responses
 from .closed_loop.simulate import simulate_loop as simulate_loop
 from .control.laws.control_law import ControlLaw as ControlLaw
+from .control.laws.own_law import own_law as own_law
 from .dampers.coordinates import Box as Box
 from .dampers.simulation import InstructionSets as InstructionSets
 from .dampers.simulation import Loading as Loading

@@ -202,6 +202,19 @@ class Controller:
         model: LoopModel | None = None,
     ) -> Controller: ...
 
+def tape_operations() -> list[tuple[str, int]]: ...
+
+@final
+class LawTape:
+    def __new__(
+        cls,
+        tape: object,
+        inputs: Sequence[tuple[str, int, bool]],
+        start: Sequence[float],
+        names: Sequence[str],
+        settings: _Floats,
+    ) -> LawTape: ...
+
 @final
 class Observer:
     def __new__(
@@ -232,4 +245,5 @@ def respond(
     outside: Callable[..., _Floats] | None = None,
     changes: _Floats | None = None,
     n_commanded: int | None = None,
+    own: LawTape | None = None,
 ) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32], list[_Floats] | None, _Floats | None]: ...

@@ -25,8 +25,8 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.closed_loop import Fault, Hardware, LoopSample, ProcessLaw, Responses, UserLaw
+from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.process_law import Reading
-from mrwork.closed_loop.user_law import READINGS
 from mrwork.dampers.simulation import Outcome
 
 SAMPLES = Path(__file__).parents[1] / "samples"
@@ -48,11 +48,12 @@ OF_STATE = ("displacement", "velocity", "force")
 def linked(program: Path, link: str, readings: tuple[str, ...]) -> Iterator[ProcessLaw]:
     """The law over a pipe, or at a UDP port of a controller that is started here."""
     if link == "pipe":
-        yield ProcessLaw(name="outside", program=[str(program)], readings=readings)
+        yield ProcessLaw(name="outside", program=[str(program)], readings=readings, replaces_readings=True)
         return
     with subprocess.Popen([program, "udp"], stdout=subprocess.PIPE) as process:
         port = int(process.stdout.readline())
-        yield ProcessLaw(name="outside", address=("localhost", port), readings=readings)
+        address = ("localhost", port)
+        yield ProcessLaw(name="outside", address=address, readings=readings, replaces_readings=True)
         assert process.poll() is None
         process.kill()
 
@@ -132,7 +133,7 @@ def test_readings_are_those_of_a_sample_in_its_order() -> None:
     entries = [entry.name for entry in fields(LoopSample)]
     assert get_args(Reading) == tuple(READINGS)
     assert [entry for entry in entries if entry in READINGS] == [*READINGS]
-    assert {*entries} - {*READINGS} == {"time", "candidate", "motion", "largest", "rms"}
+    assert {*entries} - {*READINGS} == {"time", "sample_time", "candidate", "motion", "largest", "rms"}
 
 
 def test_the_protocol_says_what_is_sent(tmp_path: Path) -> None:
@@ -188,6 +189,21 @@ def test_a_law_in_python_over_a_pipe_has_its_own_commands() -> None:
         run(python_law(RIGHT), *motions),
     )
     same_commands(ours, theirs)
+
+
+@pytest.mark.parametrize("replaces", [False, True])
+def test_a_reading_that_is_no_number_is_no_command_of_a_controller_that_does_not_replace_it(
+    replaces: bool,
+) -> None:
+    broken = Fault(channel="deformation", index=0, start=0.02, end=0.03, value=np.nan)
+    text = CONTROLLER + "    write(message, 1.5)"
+    program = [sys.executable, "-S", "-c", text]
+    law = ProcessLaw(name="on", program=program, readings=["deformation"], replaces_readings=replaces)
+    found = run(law, hardware=Hardware(faults=(broken,)))
+    (history,) = found.histories
+    during = (history.time > 0.021) & (history.time < 0.029)
+    assert set(history.command[during, 0]) == {1.5 if replaces else 0.0}
+    assert set(found.outcome) == {Outcome.FINISHED if replaces else Outcome.FAILED_SAFE}
 
 
 def test_each_run_has_a_memory_of_its_own() -> None:

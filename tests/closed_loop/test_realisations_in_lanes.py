@@ -155,6 +155,7 @@ def test_a_part_of_the_runs_has_the_rows_that_it_uses() -> None:
         runs=np.column_stack([candidate, motion, draw, zeros, zeros]),
         streams=np.arange(36, dtype=np.uint64),
         gains=np.arange(12.0).reshape(6, 2),
+        settings=np.arange(6.0)[:, None],
         shaping=None,
         theta=(np.arange(12.0).reshape(3, 1, 4),),
     )
@@ -162,5 +163,6 @@ def test_a_part_of_the_runs_has_the_rows_that_it_uses() -> None:
         part = whole.part(which)
         assert len(part.gains) == len({*candidate[which]})
         np.testing.assert_array_equal(part.gains[part.runs[:, 0]], whole.gains[candidate[which]])
+        np.testing.assert_array_equal(part.settings[part.runs[:, 0], 0], candidate[which])
         np.testing.assert_array_equal(part.theta[0][part.runs[:, 2]], whole.theta[0][draw[which]])
         np.testing.assert_array_equal(part.streams, whole.streams[which])

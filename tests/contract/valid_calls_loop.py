@@ -15,6 +15,10 @@ from mrwork.control.linear.plant import Outputs, stack_outputs
 from tests.contract.wrong_arguments import Calls, call, calls_with
 
 
+def _own(sample: object, memory: object, settings: object) -> object:
+    return settings
+
+
 def _viscous(sample: mr.closed_loop.LoopSample, _: np.ndarray) -> np.ndarray:
     return np.abs(sample.rate)
 
@@ -147,8 +151,22 @@ def loop_calls(_: Path) -> Calls:
         **{"deformation_resolution": 1e-5, "faults": (of.Fault(channel="force"),)},
     }
     yield call(mr.Hardware, **hardware)
-    yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
-    outside = {"name": "x", "readings": ("force",), "timeout": 1.0, "start_timeout": 1.0}
+    options = {"n_candidates": 2, "n_memory": 1, "rms_time": 1.0, "record": True, "source": "s"}
+    yield call(of.UserLaw, name="x", command=_viscous, **options)
+    yield call(
+        mr.own_law,
+        function=_own,
+        memory={"v": 0.0, "last": [0.0, 0.0]},
+        settings={"gain": ("A s/m", 0.1, 6.0, 100.0)},
+        **{"name": "x", "title": "X", "rms_time": 1.0, "record": True},
+    )
+    outside = {
+        "name": "x",
+        "readings": ("force",),
+        "replaces_readings": True,
+        "timeout": 1.0,
+        "start_timeout": 1.0,
+    }
     yield call(of.ProcessLaw, **outside, program=("./controller",))
     yield call(of.ProcessLaw, **outside, address=("localhost", 4000))
     law_outside = of.ProcessLaw(**outside, program=("./controller",))

@@ -26,7 +26,7 @@ class ValidCall(NamedTuple):
 Calls = Iterator[ValidCall]
 
 
-def call(function: Callable[..., object], **arguments: Any) -> ValidCall:
+def call(function: Callable[..., object], /, **arguments: Any) -> ValidCall:
     """A valid call with these arguments."""
     return ValidCall(function, arguments)
 

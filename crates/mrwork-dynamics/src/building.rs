@@ -98,7 +98,7 @@ pub(crate) trait Coefficient<R: Lanes>: Copy {
     /// The coefficient of every lane.
     fn in_lanes(self) -> R;
     /// The coefficients of a vector.
-    fn in_vector(&self, number: usize) -> R::Vector;
+    fn in_piece(&self, number: usize) -> R::Piece;
 }
 
 impl<R: Lanes> Coefficient<R> for f64 {
@@ -107,8 +107,8 @@ impl<R: Lanes> Coefficient<R> for f64 {
         R::splat(self)
     }
     #[inline(always)]
-    fn in_vector(&self, _: usize) -> R::Vector {
-        R::Vector::splat(*self)
+    fn in_piece(&self, _: usize) -> R::Piece {
+        R::Piece::splat(*self)
     }
 }
 
@@ -122,8 +122,8 @@ impl<R: Lanes> Coefficient<R> for OfLanes<R> {
         self.0
     }
     #[inline(always)]
-    fn in_vector(&self, number: usize) -> R::Vector {
-        self.0.vector(number)
+    fn in_piece(&self, number: usize) -> R::Piece {
+        self.0.piece(number)
     }
 }
 
@@ -149,19 +149,19 @@ impl<N: Copy> Link<N> {
     pub(crate) fn coupling<R: Lanes>(
         &self,
         vector: usize,
-        [x_below, v_below]: [R::Vector; 2],
-        [x, v]: [R::Vector; 2],
-        [x_above, v_above]: [R::Vector; 2],
-    ) -> [R::Vector; 2]
+        [x_below, v_below]: [R::Piece; 2],
+        [x, v]: [R::Piece; 2],
+        [x_above, v_above]: [R::Piece; 2],
+    ) -> [R::Piece; 2]
     where
         N: Coefficient<R>,
     {
-        let mut sprung = x_below * self.stiffness[0].in_vector(vector);
-        let mut damped = v_below * self.damping[0].in_vector(vector);
-        sprung = x.weighted(self.stiffness[1].in_vector(vector), sprung);
-        damped = v.weighted(self.damping[1].in_vector(vector), damped);
-        sprung = x_above.weighted(self.stiffness[2].in_vector(vector), sprung);
-        damped = v_above.weighted(self.damping[2].in_vector(vector), damped);
+        let mut sprung = x_below * self.stiffness[0].in_piece(vector);
+        let mut damped = v_below * self.damping[0].in_piece(vector);
+        sprung = x.weighted(self.stiffness[1].in_piece(vector), sprung);
+        damped = v.weighted(self.damping[1].in_piece(vector), damped);
+        sprung = x_above.weighted(self.stiffness[2].in_piece(vector), sprung);
+        damped = v_above.weighted(self.damping[2].in_piece(vector), damped);
         [sprung, damped]
     }
 }

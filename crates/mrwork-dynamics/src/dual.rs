@@ -99,6 +99,16 @@ impl<R: Bits, const K: usize> Neg for Dual<R, K> {
 
 impl<R: Bits, const K: usize> Real for Dual<R, K> {
     type Mask = R::Mask;
+    type Piece = Self;
+    const PIECES: usize = 1;
+    #[inline(always)]
+    fn piece(&self, _: usize) -> Self {
+        *self
+    }
+    #[inline(always)]
+    fn set_piece(&mut self, _: usize, piece: Self) {
+        *self = piece;
+    }
     const HAS_DERIVATIVES: bool = true;
 
     #[inline(always)]
@@ -192,16 +202,6 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
 /// Values from outside are constants, and lanes that are read give values: derivatives come and go by their own methods.
 impl<R: Lanes + Bits, const K: usize> Lanes for Dual<R, K> {
     const WIDTH: usize = R::WIDTH;
-    type Vector = Self;
-    const VECTORS: usize = 1;
-    #[inline(always)]
-    fn vector(&self, _: usize) -> Self {
-        *self
-    }
-    #[inline(always)]
-    fn set_vector(&mut self, _: usize, vector: Self) {
-        *self = vector;
-    }
     #[inline(always)]
     fn from_fn(value: impl FnMut(usize) -> f64) -> Self {
         Self::constant(R::from_fn(value))

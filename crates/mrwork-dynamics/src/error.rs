@@ -93,6 +93,12 @@ pub enum DynamicsError {
     /// A damper that is no model of the registry, as the device of a loop.
     #[error("`{0}` is no registered damper model; a loop takes those of the registry")]
     UnknownDevice(&'static str),
+    /// A formula of a user that does more than arithmetic on its own numbers.
+    #[error(
+        "the tape of a formula is damaged: it reads what it has not written, or is larger than any that is recorded; record \
+         its function again"
+    )]
+    UnsoundTape,
     /// A law whose command jumps, with derivatives.
     #[error("`{0}` switches, so that its results have no derivatives")]
     Switches(&'static str),

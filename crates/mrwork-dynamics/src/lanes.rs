@@ -17,14 +17,6 @@ pub(crate) const MOST_LANES: usize = 32;
 pub trait Lanes: Real {
     /// Number of lanes.
     const WIDTH: usize;
-    /// One of the vectors that it is made of.
-    type Vector: Lanes;
-    /// Number of vectors.
-    const VECTORS: usize;
-    /// The vector of that number.
-    fn vector(&self, number: usize) -> Self::Vector;
-    /// Replaces the vector of that number.
-    fn set_vector(&mut self, number: usize, vector: Self::Vector);
     /// Lane `i` holds `value(i)`.
     fn from_fn(value: impl FnMut(usize) -> f64) -> Self;
     /// Calls `receive(i, value)` for every lane, in order.
@@ -57,16 +49,6 @@ pub trait Lanes: Real {
 
 impl Lanes for f64 {
     const WIDTH: usize = 1;
-    type Vector = Self;
-    const VECTORS: usize = 1;
-    #[inline(always)]
-    fn vector(&self, _: usize) -> Self {
-        *self
-    }
-    #[inline(always)]
-    fn set_vector(&mut self, _: usize, vector: Self) {
-        *self = vector;
-    }
     #[inline(always)]
     fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
         value(0)
@@ -121,6 +103,16 @@ impl<V: Real, const GROUPS: usize> Neg for Pack<V, GROUPS> {
 
 impl<V: Bits, const GROUPS: usize> Real for Pack<V, GROUPS> {
     type Mask = [V::Mask; GROUPS];
+    type Piece = V;
+    const PIECES: usize = GROUPS;
+    #[inline(always)]
+    fn piece(&self, number: usize) -> V {
+        self.0[number]
+    }
+    #[inline(always)]
+    fn set_piece(&mut self, number: usize, piece: V) {
+        self.0[number] = piece;
+    }
 
     #[inline(always)]
     fn splat(value: f64) -> Self {
@@ -256,16 +248,6 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
 
 impl<V: Lanes + Bits, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
     const WIDTH: usize = V::WIDTH * GROUPS;
-    type Vector = V;
-    const VECTORS: usize = GROUPS;
-    #[inline(always)]
-    fn vector(&self, number: usize) -> V {
-        self.0[number]
-    }
-    #[inline(always)]
-    fn set_vector(&mut self, number: usize, vector: V) {
-        self.0[number] = vector;
-    }
     #[inline(always)]
     fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
         let mut groups = [V::splat(0.0); GROUPS];

@@ -4,7 +4,7 @@
 //! history ([`loading`]) in lanes of eight or more ([`lanes`], [`dispatch`]) with one time-stepping rule
 //! ([`integrate`]). The result is a misfit or a force history ([`simulate`]), or a force history with its derivatives
 //! ([`dual`], [`sensitivity`]). Buildings ([`building`]) with dampers, under ground motions ([`ground_motion`]) and control
-//! laws ([`control`]), are simulated in lanes too ([`closed_loop`]). No Python, no files, no randomness, no printing.
+//! laws ([`control`]), are simulated in lanes too ([`closed_loop`]). A formula of a user is a [`tape`]. No Python, no files, no randomness, no printing.
 
 pub mod any_damper;
 pub mod block;
@@ -37,4 +37,5 @@ mod schedule;
 pub mod sensitivity;
 pub mod settings;
 pub mod simulate;
+pub mod tape;
 pub mod threads;

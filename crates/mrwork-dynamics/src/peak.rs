@@ -43,7 +43,7 @@ impl LaneJob for FmaChains {
         let factor = R::splat(black_box(0.999_999));
         let addend = R::splat(black_box(1e-6));
         let mut chains = [R::splat(black_box(1.0)); VECTORS];
-        let chains = &mut chains[..(VECTORS / R::VECTORS).max(FEWEST_PACKS)];
+        let chains = &mut chains[..(VECTORS / R::PIECES).max(FEWEST_PACKS)];
         let start = Instant::now();
         let mut flops = 0_u64;
         while start.elapsed() < self.span {
@@ -116,6 +116,14 @@ impl Neg for Counted {
 
 impl Real for Counted {
     type Mask = bool;
+    type Piece = Self;
+    const PIECES: usize = 1;
+    fn piece(&self, _: usize) -> Self {
+        *self
+    }
+    fn set_piece(&mut self, _: usize, piece: Self) {
+        *self = piece;
+    }
     fn splat(value: f64) -> Self {
         Self(value)
     }

@@ -21,6 +21,14 @@ pub trait Real:
 {
     /// One truth value per lane.
     type Mask: Copy;
+    /// One of the vectors that it is made of.
+    type Piece: Real;
+    /// Number of vectors.
+    const PIECES: usize;
+    /// The vector of that number.
+    fn piece(&self, number: usize) -> Self::Piece;
+    /// Replaces the vector of that number.
+    fn set_piece(&mut self, number: usize, piece: Self::Piece);
     /// Whether it carries derivatives, so that a shortcut that is right for values alone is not taken.
     const HAS_DERIVATIVES: bool = false;
 
@@ -132,6 +140,16 @@ impl Pairs {
 
 impl Real for f64 {
     type Mask = bool;
+    type Piece = Self;
+    const PIECES: usize = 1;
+    #[inline(always)]
+    fn piece(&self, _: usize) -> Self {
+        *self
+    }
+    #[inline(always)]
+    fn set_piece(&mut self, _: usize, piece: Self) {
+        *self = piece;
+    }
 
     #[inline(always)]
     fn splat(value: f64) -> Self {

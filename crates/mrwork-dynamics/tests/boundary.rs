@@ -303,6 +303,7 @@ proptest! {
             ranges: &ranges,
             n_commanded: ranges.len(),
             law,
+            own: None,
             outside: None,
             gains: &gains,
             tables: &tables,

@@ -16,7 +16,7 @@ use crate::arrays::{array_of, shaped};
 /// It is called with the number of the sample, the places of the runs in the batch, displacements and velocities, shape
 /// (runs, coordinates), elongations, their rates and forces of the devices, shape (runs, devices), absolute
 /// accelerations of the floors, shape (runs, floors), acceleration and velocity of the ground, shape (runs,), and the drifts of
-/// the measured storeys, shape (runs, measured storeys); it returns the commands, shape (runs, devices).
+/// the measured storeys, shape (runs, measured storeys), and whether all of these are numbers; it returns the commands, shape (runs, devices).
 pub struct AskedLaw {
     law: Py<PyAny>,
     n_coordinates: usize,
@@ -46,6 +46,17 @@ impl AskedLaw {
         let matrix = |values: &[f64], columns: usize| -> PyResult<Bound<'_, PyArray2<f64>>> {
             Ok(array_of(Ix2(n_runs, columns), values.to_vec())?.into_pyarray(py))
         };
+        let measured = [
+            sample.displacement,
+            sample.velocity,
+            sample.deformation,
+            sample.rate,
+            sample.force,
+            sample.acceleration,
+            sample.ground_acceleration,
+            sample.ground_velocity,
+            sample.drift,
+        ];
         let arguments = (
             sample.number,
             sample.runs.to_vec().into_pyarray(py),
@@ -58,6 +69,7 @@ impl AskedLaw {
             sample.ground_acceleration.to_vec().into_pyarray(py),
             sample.ground_velocity.to_vec().into_pyarray(py),
             matrix(sample.drift, sample.drift.len() / n_runs.max(1))?,
+            !measured.into_iter().flatten().any(|reading| reading.is_nan()),
         );
         let answer = self.law.bind(py).call1(arguments)?;
         let answer: PyReadonlyArray2<'_, f64> = answer.extract()?;

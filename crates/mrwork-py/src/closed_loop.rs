@@ -20,6 +20,7 @@ use crate::asked_law::AskedLaw;
 use crate::control::Controller;
 use crate::coupled::{Building, Dampers};
 use crate::enter::{chosen_instruction_set, interruptible, value_error};
+use crate::own::LawTape;
 
 type Layout = Vec<(&'static str, &'static str, &'static str, &'static str)>;
 
@@ -204,13 +205,14 @@ type Responses<'py> = (
 /// floors, of none with no row; `runs` has a row (candidate, motion, draw, varied damping and
 /// stiffness of the building, steps of delay beyond those of the hardware) for each run.
 /// The law commands the first `n_commanded` devices, by default all; the others hold their smallest command.
-/// `outside` is a law in Python that commands instead of that of the controller, see [`AskedLaw`].
+/// `own` is a law of the user on a tape, and `outside` one in Python, see [`AskedLaw`]: each commands instead of that of the
+/// controller.
 /// With `changes` of the gains along directions, shape (candidates, directions, gains), there are last the derivatives of the
 /// summaries along them, shape (`n_runs`, directions, width).
 #[pyfunction]
 #[pyo3(signature = (
     building, dampers, controller, hardware, motions, runs, streams, observer=None, histories=false, step_factor=1,
-    threads=0, outside=None, changes=None, n_commanded=None
+    threads=0, outside=None, changes=None, n_commanded=None, own=None
 ))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes what it needs by keyword from Python
 pub fn respond<'py>(
@@ -229,6 +231,7 @@ pub fn respond<'py>(
     outside: Option<Py<PyAny>>,
     changes: Option<PyReadonlyArray3<'py, f64>>,
     n_commanded: Option<usize>,
+    own: Option<&LawTape>,
 ) -> PyResult<Responses<'py>> {
     let motions = motions
         .iter()
@@ -253,6 +256,7 @@ pub fn respond<'py>(
         ranges: &ranges,
         n_commanded,
         law: controller.law,
+        own: own.map(|own| &own.law),
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
         gains: controller.gains(n_commanded, 2 * n_coordinates)?,
         tables: &controller.tables,
@@ -266,8 +270,8 @@ pub fn respond<'py>(
     };
     batch.check().map_err(value_error)?;
     let directions = match &changes {
-        Some(_) if histories || outside.is_some() => {
-            return Err(PyValueError::new_err("changes go with neither histories nor a law in Python"));
+        Some(_) if histories || own.is_some() || outside.is_some() => {
+            return Err(PyValueError::new_err("changes go with neither histories nor a law of the user"));
         }
         Some(changes) => {
             let axes = [("candidates", None), ("directions", None), ("gains", None)];

@@ -12,6 +12,7 @@ mod enter;
 mod loading;
 mod machine;
 mod matrix_equations;
+mod own;
 mod printed;
 mod xla;
 
@@ -44,6 +45,8 @@ mod _rust {
     use crate::machine::{flops_per_step, fma_peak, instruction_set, instruction_sets};
     #[pymodule_export]
     use crate::matrix_equations::riccati_equations;
+    #[pymodule_export]
+    use crate::own::{LawTape, tape_operations};
     #[pymodule_export]
     use crate::printed::{
         damper_text, elementary_functions, law_commands, law_readings, law_text, straight_forces,

@@ -21,6 +21,7 @@ use crate::control::Controller;
 use crate::coupled::{Building, Dampers};
 use crate::damper::{named, parsed_laws};
 use crate::enter::value_error;
+use crate::own::LawTape;
 
 /// Statements of the functions of a damper by name, see `mrwork_dynamics::record::DamperText`.
 #[pyfunction]
@@ -102,12 +103,13 @@ pub struct PrintedLoop {
     hardware: LoopHardware,
     observer: Option<Py<Observer>>,
     n_commanded: usize,
+    own: Option<Py<LawTape>>,
 }
 
 impl PrintedLoop {
     /// What `work` makes of it as a batch of one run.
     fn on_batch<T>(self, work: impl FnOnce(&Batch<'_>) -> T) -> PyResult<T> {
-        let Self { building, dampers, controller, hardware, observer, n_commanded } = self;
+        let Self { building, dampers, controller, hardware, observer, n_commanded, own } = self;
         let (building, controller) = (building.get(), controller.get());
         let hardware = hardware.dynamics()?;
         let (groups, ranges) = groups_of(&dampers);
@@ -120,6 +122,7 @@ impl PrintedLoop {
             ranges: &ranges,
             n_commanded,
             law: controller.law,
+            own: own.as_ref().map(|own| &own.get().law),
             outside: None,
             gains: controller.gains(n_commanded, 2 * building.dynamics.n_coordinates())?,
             tables: &controller.tables,

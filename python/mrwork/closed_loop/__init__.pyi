@@ -3,6 +3,7 @@ from .evaluation import criteria as criteria
 from .frequency_weighting import frequency_weighted as frequency_weighted
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
+from .loop_sample import LoopSample as LoopSample
 from .process_law import ControllerProtocol as ControllerProtocol
 from .process_law import ProcessLaw as ProcessLaw
 from .responses import History as History
@@ -11,5 +12,4 @@ from .round_trips import RoundTrips as RoundTrips
 from .simulate import Device as Device
 from .simulate import LoopVariation as LoopVariation
 from .simulate import simulate_loop as simulate_loop
-from .user_law import LoopSample as LoopSample
 from .user_law import UserLaw as UserLaw

@@ -17,6 +17,7 @@ from mrwork.buildings.groups import commanded, groups_of, sends_forces
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observer import core_observer
+from mrwork.closed_loop.recorded_law import RecordedLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.linear.lqr import Observer
@@ -38,13 +39,14 @@ _MOST_COORDINATES = 1500
 class RunsOfLoop:
     """Runs of a loop: candidate, motion, draw, building and delay of each, shape (n_runs, 5), with its stream of noise.
 
-    `gains` (n_candidates, n_gains), `shaping` (n_candidates, 2) or `None`, `theta` of
-    each group of devices (n_draws, n_devices, n_columns).
+    `gains` (n_candidates, n_gains), `settings` of a law of the user on a tape (n_candidates, n_settings), `shaping`
+    (n_candidates, 2) or `None`, `theta` of each group of devices (n_draws, n_devices, n_columns).
     """
 
     runs: NDArray[np.uint32]
     streams: NDArray[np.uint64]
     gains: Floats
+    settings: Floats
     shaping: Floats | None
     theta: tuple[Floats, ...]
 
@@ -58,6 +60,7 @@ class RunsOfLoop:
             runs=runs,
             streams=self.streams[which],
             gains=self.gains[candidates],
+            settings=self.settings[candidates],
             shaping=None if self.shaping is None else self.shaping[candidates],
             theta=tuple(parameters[draws] for parameters in self.theta),
         )
@@ -78,6 +81,8 @@ class LoopOfRuns:
     observer: Observer | None
     motions: tuple[GroundMotion, ...]
     step_factor: int
+    # A law of the user, which commands instead of `law`.
+    own: RecordedLaw | None = None
 
     @property
     def n_commanded(self) -> int:
@@ -127,6 +132,7 @@ class CoreLoop:
         with core_refusals():
             dampers = core_dampers(loop.devices, runs.theta)
             controller = core_controller(law, runs.gains, runs.shaping)
+            own = None if loop.own is None else core_own_law(loop.own, runs.settings)
 
         def simulate(places: Places, outside: Any = None) -> Any:
             with core_refusals():
@@ -145,6 +151,7 @@ class CoreLoop:
                     outside=outside,
                     changes=None if changes is None else changes[None],
                     n_commanded=n,
+                    own=own,
                 )
 
         return simulate
@@ -255,6 +262,11 @@ def core_controller(law: ControlLaw, gains: Floats, shaping: Floats | None) -> _
         curve = _rust.ForceCurve([*map(str, spec.laws)], numbers, spec.n_rates)
     rows = np.ascontiguousarray(gains)
     return _rust.Controller(law.name, rows, law.table_rows(), curve, shaping, _core_model(law))
+
+
+def core_own_law(law: RecordedLaw, settings: Floats) -> _rust.LawTape:
+    """A law of the user for the core, with settings (n_candidates, n_settings)."""
+    return _rust.LawTape(law.tape, law.inputs, law.start, law.names, np.ascontiguousarray(settings))
 
 
 def _range_of(device: Device) -> tuple[float, float]:

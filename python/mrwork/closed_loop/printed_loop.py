@@ -9,9 +9,18 @@ import numpy as np
 
 from mrwork import _rust
 from mrwork.buildings.device import Device
+from mrwork.buildings.groups import commanded
 from mrwork.buildings.plane_building import Building
-from mrwork.closed_loop.core_loop import LoopOfRuns, core_controller, core_dampers, theta_of, with_actuators
+from mrwork.closed_loop.core_loop import (
+    LoopOfRuns,
+    core_controller,
+    core_dampers,
+    core_own_law,
+    theta_of,
+    with_actuators,
+)
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.laws_of_users import law_in_loop, loop_shape, recorded_for
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.linear.lqr import Observer
@@ -29,6 +38,7 @@ class PrintedLoop:
     hardware: Hardware
     observer: _rust.Observer | None
     n_commanded: int
+    own: _rust.LawTape | None
     matrices: Observer | None
 
 
@@ -40,6 +50,19 @@ def printed_loop(
         raise SettingError("no sensor tells the ground ahead; leave ground_preview of the hardware out")
     if hardware.faults:
         raise SettingError("faults are of a simulation; leave the faults of the hardware out")
+    driven = commanded(devices)
+    user, law = law_in_loop(law, driven, 2 * building.n_coordinates)
+    own, settings = None, np.zeros((1, 0))
+    if user is not None:
+        own, settings, reason = recorded_for(user, loop_shape(building, driven, hardware))
+        if own is None:
+            raise SettingError(
+                f"{user.in_words} is printed only where it can be recorded: {reason or 'record is False'}"
+            )
+        if "time" in {name for name, _, _ in own.inputs}:
+            raise SettingError(
+                f"{user.in_words} reads the time, which a controller does not know; keep it in the memory"
+            )
     driven, devices, hardware = with_actuators(devices, law, hardware)
     gains = law.gain_rows(len(driven), 2 * building.n_coordinates)
     if len(gains) != 1:
@@ -71,5 +94,6 @@ def printed_loop(
             hardware=hardware,
             observer=core.observer,
             n_commanded=len(driven),
+            own=None if own is None else core_own_law(own, settings),
             matrices=observer,
         )

@@ -12,7 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from shutil import which
 from time import perf_counter
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +29,10 @@ from mrwork.buildings.groups import commanded
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.controller_link import NUMBER, Link, LinkEndedError, Pipe, UdpPort
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.responses import command_unit_of
 from mrwork.closed_loop.round_trips import LostController, RoundTrips
-from mrwork.closed_loop.user_law import READINGS, Ask, AskOfRuns
+from mrwork.closed_loop.rows_law import Ask, AskOfRuns
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
@@ -135,9 +136,10 @@ class ProcessLaw(Summarised):
     stdin ends with the run: then it shall end, and is otherwise killed. A controller at a UDP port is started by its
     user, and reset by sample 0 alone. Runs are simulated one after the other, so that no two share a memory.
 
-    Where no answer comes in time, or one of another length, or a command that is not finite, all commands of the sample
-    are zero, and the run ends as `failed_safe`. A controller that ends, or gives no answer to three messages in a row,
-    is not asked again in this run. Both are counted in `round_trips`, and told in the remarks of the responses. The
+    Where no answer comes in time, or one of another length, or a command that is not finite, and where a reading that
+    is sent is not a number, all commands of the sample are zero, and the run ends as `failed_safe`. A controller that
+    ends, or gives no answer to three messages in a row, is not asked again in this run. What the controller misses is
+    counted in `round_trips`, and told in the remarks of the responses. The
     simulation waits for each answer, so it tests code and protocol of a controller, not whether it is fast enough for a
     rig.
 
@@ -190,6 +192,11 @@ class ProcessLaw(Summarised):
         "feedback of the state, and estimates of the loop with an observer",
         default=("deformation", "force", "acceleration", "ground_acceleration", "drift"),
     )
+    replaces_readings: bool = key(
+        "whether the controller itself replaces readings that are not numbers, as a printed one does; otherwise a run "
+        "has no command at a sample with one among its readings",
+        default=False,
+    )
     timeout: float = positive("longest time from a message to its answer", unit="s", default=1.0)
     start_timeout: float = positive(
         "the same for sample 0, in which a program starts", unit="s", default=10.0
@@ -217,7 +224,8 @@ class ProcessLaw(Summarised):
             sha256(path.read_bytes()).hexdigest() if (path := Path(which(name) or name)).is_file() else name
             for name in self.program
         ]
-        return digest_of(program, self.address, self.readings, self.timeout, self.start_timeout)
+        settings = self.readings, self.replaces_readings, self.timeout, self.start_timeout
+        return digest_of(program, self.address, *settings)
 
     @property
     def in_words(self) -> str:
@@ -350,8 +358,16 @@ class _Session:
         law, size = self._law, self._answer.size
         self._link = Pipe(law.program, size) if law.address is None else UdpPort(law.address, size)
 
-    def _ask(self, number: int, _: NDArray[np.uintp], *measured: Floats) -> Floats:
+    def _ask(self, number: int, _: NDArray[np.uintp], *given: Any) -> Floats:
         """Commands of a sample, shape (1, n_devices); not a number where the controller gives none."""
+        *measured, are_numbers = given
+        commands = self._answer_to(number, measured)
+        if are_numbers or self._law.replaces_readings:
+            return commands
+        unknown = any(np.isnan(measured[place]).any() for place in self._sent)
+        return self._no_command if unknown else commands
+
+    def _answer_to(self, number: int, measured: Sequence[Floats]) -> Floats:
         if number == 0:
             self._begin()
         link = self._link

@@ -41,16 +41,18 @@ from mrwork.closed_loop.core_loop import (
 )
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.laws_of_users import IN_PYTHON, law_in_loop, loop_shape, recorded_for
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
+from mrwork.closed_loop.rows_law import RowsLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
 from mrwork.control.laws.gain_conventions import gain_remarks
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.linear.plant import plant_of
-from mrwork.dampers.simulation import core_refusals
+from mrwork.dampers.simulation import Outcome, core_refusals
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion, refuse_floors
@@ -129,7 +131,8 @@ def simulate_loop(
         One or more, each with a model, parameters, laws and unit of the command of its own; see `Device`. Those that
         hold a command or follow none come last; gains and commands of the law are of the others.
     law
-        A law of the registry with its gains, or a law in Python or outside of it, which takes one thread.
+        A law of the registry with its gains, or a law in Python or outside of it; one outside, or in Python where it
+        cannot be recorded, takes one thread.
     histories
         Whether to keep the history of every run.
     step_factor
@@ -165,9 +168,7 @@ def simulate_loop(
     (1, 3)
     """
     hardware = Hardware() if hardware is None else hardware
-    user = None if isinstance(law, ControlLaw) else law
-    if not isinstance(law, ControlLaw):
-        law = law.placeholder(commanded(devices))
+    user, law = law_in_loop(law, commanded(devices), 2 * building.n_coordinates)
     if not devices:
         raise SettingError(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
@@ -236,6 +237,11 @@ def simulate_loop(
     if hardware.feedback != "state":
         with core_refusals():
             observer = loop_observer(nominal or building, devices, hardware)
+    if isinstance(user, RowsLaw):
+        rows = np.broadcast_to(user.settings, (n_candidates, user.settings.shape[1]))
+        user = replace(user, settings=rows)
+    recorded, settings, reason = recorded_for(user, loop_shape(building, driven, hardware))
+    asked = None if recorded is not None else user
     shapes = {gain.name: gain.shape_for(len(driven), n_states) for gain in law.spec.gains}
     zeros = {name: np.zeros(shape) for name, shape in shapes.items() if name in law.gains}
     loop = LoopOfRuns(
@@ -248,6 +254,7 @@ def simulate_loop(
         observer=observer,
         motions=tuple(motions),
         step_factor=step_factor,
+        own=recorded,
     )
     if changes is not None and loop.is_own:
         raise SettingError("a loop with dampers of your own has no slopes; leave the changes of gains out")
@@ -268,25 +275,40 @@ def simulate_loop(
         ),
         streams=numbers[motion] + seeds[realisation] * np.uint64(2**32),
         gains=gains,
+        settings=settings,
         shaping=shaping,
         theta=theta,
     )
     law_remarks: tuple[Remark, ...] = ()
+    if isinstance(user, RowsLaw) and reason:
+        law_remarks = (IN_PYTHON.remark(user.formula.name, reason),)
     # A design has looked at its own gain.
     if SETTINGS[law.name].is_regulator and law.margins is None and len(gains) == 1:
         plant = plant_of(building, elongation_rows(building, driven))
         gain = np.reshape(law.gains["gain"], (len(driven), n_states))
         law_remarks = tuple(gain_remarks(plant, gain, sample_time=hardware.sample_time))
     core, workers = loop.core(), present_workers()
-    if workers is None or histories or user is not None or changes is not None:
+    if workers is None or histories or asked is not None or changes is not None:
         simulate = core.simulator(runs, histories=histories, threads=threads, changes=changes)
-        parts, order = _respond_here(loop, runs, simulate, user, on_progress)
+        parts, order = _respond_here(loop, runs, simulate, asked, on_progress)
         if isinstance(user, ProcessLaw):
             law_remarks = user.round_trips.remarks
     else:
         parts, order = _respond_elsewhere(workers, loop, runs, on_progress), np.arange(len(runs.runs))
     responses = _responses(core, runs, parts, order, varied or [building], factors)
+    if recorded is not None and isinstance(user, RowsLaw):
+        _blame(user, core, runs, responses)
     return replace(responses, law_remarks=law_remarks)
+
+
+def _blame(user: RowsLaw, core: CoreLoop, runs: RunsOfLoop, responses: Responses) -> None:
+    """Refuse a law that made no number of numbers: the function itself is asked in the first run that failed safe."""
+    failed = np.flatnonzero(np.ravel(responses.outcome) == Outcome.FAILED_SAFE)[:1]
+    if len(failed):
+        loop = replace(core.loop, own=None)
+        driven = loop.devices[: loop.n_commanded]
+        with user.at_work(driven, loop.hardware.sample_time) as ask_of:
+            replace(core, loop=loop).simulator(runs, threads=1)(failed, ask_of(runs.runs[failed, :3]))
 
 
 def _distinct(buildings: Sequence[Building], building: Building) -> tuple[list[Building], list[int]]:
@@ -312,7 +334,7 @@ def _respond_here(
     loop: LoopOfRuns,
     runs: RunsOfLoop,
     simulate: Simulator,
-    user: UserLaw | ProcessLaw | None,
+    user: RowsLaw | ProcessLaw | None,
     on_progress: Callable[[int, int], None] | None,
 ) -> tuple[list[Any], NDArray[np.intp]]:
     """Runs in this process part by part, and the order in which they were simulated."""
@@ -369,7 +391,7 @@ def _respond_elsewhere(
     chunks = [slice(chunk.start * block, min(chunk.stop * block, len(costs))) for chunk in blocks]
     kept_chunks, finished = None, dict[int, list[NDArray[Any]]]()
     if workers.journal is not None:
-        arrays = runs.runs, runs.streams, runs.gains, runs.shaping, *runs.theta
+        arrays = runs.runs, runs.streams, runs.gains, runs.settings, runs.shaping, *runs.theta
         kept_chunks = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), *arrays))
         finished = kept_chunks.recall(len(chunks))
     missing = [number for number in range(len(chunks)) if number not in finished]

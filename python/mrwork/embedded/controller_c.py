@@ -10,8 +10,8 @@ import numpy as np
 from mrwork import _rust
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
+from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.printed_loop import PrintedLoop
-from mrwork.closed_loop.user_law import READINGS
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, rows_of, within_comment
 

@@ -11,7 +11,9 @@ import numpy as np
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import of_unit
 from mrwork.closed_loop.printed_loop import printed_loop
+from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.laws.own_law import own_law_of_rows
 from mrwork.embedded.c_source import USUAL_SAMPLE_TIME, CSource, Flavour, c_name
 from mrwork.embedded.controller_c import controller_source
 from mrwork.embedded.damper_c import damper_source
@@ -49,13 +51,14 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
     """The C of the controller of a law of a study file, which is designed as a run of the study designs it."""
     study = designed(read_study(path))
     printable = {
-        arrangement.row.label: (arrangement.law, arrangement)
+        arrangement.row.label: (_with_specification(arrangement.law), arrangement)
         for arrangement in study.arrangements
-        if isinstance(arrangement.law, ControlLaw) and arrangement.row.kind in ("controller", "actuator")
+        if isinstance(arrangement.law, ControlLaw | UserLaw)
+        and arrangement.row.kind in ("controller", "actuator")
     }
     if not printable:
         raise SettingError(
-            f"{path} has no [[controller]] with a law of the package, and no other is printed as C"
+            f"{path} has no [[controller]] with a law of the package or of your own, and no other is printed as C"
         )
     if label is None and len(printable) > 1:
         raise SettingError(f"{path} has several laws: give --law NAME, one of {', '.join(printable)}")
@@ -77,6 +80,10 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
         unit="N" if law.spec.commands_force else study.command_unit,
         origin=(f"Study: {study.title}; law: {label}", *law.notes),
     )
+
+
+def _with_specification(law: ControlLaw | UserLaw) -> ControlLaw:
+    return law if isinstance(law, ControlLaw) else own_law_of_rows(law.formula, law.source)
 
 
 def files_of(source: CSource, to: Literal["c", "fmu"]) -> dict[str, bytes]:

@@ -20,6 +20,7 @@ from mrwork.buildings import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import Command, UserLaw
+from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.laws.law_problem import LawSettings
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import MrworkWarning, SettingError
@@ -117,7 +118,7 @@ def study_of(
     building: Building | Table,
     motions: Sequence[GroundMotion | str | Path | Table],
     dampers: Sequence[Table] = (),
-    laws: Sequence[str | Table | Command | UserLaw | ProcessLaw] = (),
+    laws: Sequence[str | Table | Command | UserLaw | ProcessLaw | ControlLaw] = (),
     baselines: Sequence[Table] = (),
     hardware: Hardware | Table | None = None,
     uncertainty: UncertaintyTable | Table | None = None,
@@ -150,8 +151,8 @@ def study_of(
         the folder of an identified run, a `Fit`, or what `load` returned.
     laws
         Each the name of a control law, as ``"best_passive"``; a table, as ``{"law": "clipped_optimal", "settings":
-        {...}}``; a function of a `LoopSample` and the memory, or a `UserLaw` of one; or a `ProcessLaw`. In a table a
-        function may stand for the name.
+        {...}}``; what `own_law` returns; a function of a `LoopSample` and the memory, or a `UserLaw` of one; or a
+        `ProcessLaw`. In a table a law of your own or a function may stand for the name.
     baselines
         Tables of the building with other devices, each with ``label`` and ``building``.
     hardware, uncertainty, tune, places, report, target
@@ -207,7 +208,7 @@ def study_of(
         "hardware": hardware,
         "report": report,
         "uncertainty": uncertainty,
-        "tune": [tune] if isinstance(tune, TuneTable | Mapping) else tune,
+        "tune": [*map(_tune_table, [tune] if isinstance(tune, TuneTable | Mapping) else tune)],
         "places": places,
         "target": target,
     }
@@ -216,16 +217,21 @@ def study_of(
     return reading.study_of_tables(tables, place, Path(), fitted_damper, seed)
 
 
-def _law_table(law: str | Table | Command | UserLaw | ProcessLaw) -> Table:
+def _law_table(law: str | Table | Command | UserLaw | ProcessLaw | ControlLaw) -> Table:
     """The table of a law that is given by its name, by a table, by a function or as a value."""
     if isinstance(law, ProcessLaw):
         return {"process": given_in(law)}
+    if isinstance(law, ControlLaw):
+        law = {"law": law}
     table: dict[str, Any] = dict(law) if isinstance(law, Mapping) else {"law": law}
     if isinstance(settings := table.get("settings"), LawSettings):
         table["settings"] = given_in(settings)
     if isinstance(law, UserLaw):
         options = {"memory": law.n_memory} | ({} if law.rms_time is None else {"rms_time": law.rms_time})
         table = {"law": law.command, "label": law.name, "user": options}
+    if isinstance(own := table.get("law"), ControlLaw):
+        del table["law"]
+        return {**table, "user": _user_table(own)}
     user = table.get("user", {})
     if callable(table.get("law")) and isinstance(user, Mapping):
         user = {"function": table.pop("law"), **user}
@@ -233,6 +239,26 @@ def _law_table(law: str | Table | Command | UserLaw | ProcessLaw) -> Table:
         name = getattr(function, "__name__", type(function).__name__)
         table["user"] = {**user, "file": function, "function": name}
     return table
+
+
+def _tune_table(tune: TuneTable | Table) -> TuneTable | Table:
+    """The table of a tuning, in which a law of the user may stand for the name of one."""
+    laws = tune.get("laws", ()) if isinstance(tune, Mapping) else ()
+    own = [law for law in laws if isinstance(law, ControlLaw)] if isinstance(laws, list | tuple) else []
+    if isinstance(tune, TuneTable) or not own:
+        return tune
+    if len(laws) > 1:
+        raise SettingError(
+            f"{own[0].name} is tuned with other laws in one table; give each law of your own its table"
+        )
+    return {name: value for name, value in tune.items() if name != "laws"} | {"user": _user_table(own[0])}
+
+
+def _user_table(law: ControlLaw) -> Table:
+    """The table `user` of a law that `own_law` has made."""
+    if law.spec.own is None:
+        raise SettingError(f"{law.name} is designed already; give its name, and its settings")
+    return {"file": law, "law": law.spec.own.name}
 
 
 def _plain(value: Any) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from mrwork.buildings.groups import largest_command, products_of, refuse_rate, s
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.laws.control_law import control_law, refuse_units
+from mrwork.control.laws.control_law import ControlLaw, control_law, refuse_units
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
@@ -43,6 +43,33 @@ from mrwork.study.schema import (
 from mrwork.study.study import Arrangement, NamedLaw, Row, StudyLaw, constant_share
 
 
+def own_law_of(table: LawFileTable, folder: Path) -> ControlLaw:
+    """The law that `mr.own_law` has made in the file of a table.
+
+    Raises
+    ------
+    SettingError
+        If the file has none of that name.
+    """
+    if isinstance(table.file, ControlLaw):
+        return table.file
+    if not isinstance(table.file, str):
+        raise InvalidSettingError(
+            "law", "law is a name in a file, and file is a function; give the name of the file"
+        )
+    with keyed("file"):
+        module, _ = run_file(folder / table.file, what="a law")
+    laws = {
+        name: value
+        for name, value in vars(module).items()
+        if isinstance(value, ControlLaw) and value.spec.own is not None
+    }
+    with keyed("law"):
+        sentence = f"{table.file} has no {table.law!r} that mr.own_law has made"
+        check_known(table.law, laws, sentence, otherwise="it has", kind=SettingError)
+    return laws[table.law]
+
+
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     name = table.function
     if isinstance(table.file, str):
@@ -52,6 +79,10 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
         with keyed("function"):
             check_known(name, functions, f"{table.file} has no function {name!r}", otherwise="it has")
         function = functions[name]
+    elif isinstance(table.file, ControlLaw):
+        raise InvalidSettingError(
+            "function", "file is a law that mr.own_law has made; give law in place of function"
+        )
     else:
         function, text = table.file, text_to_compare(table.file)
     with keyed("function"):
@@ -70,7 +101,7 @@ def arrangements(
     problem: DesignProblem,
     folder: Path,
     hardware: Hardware,
-    settings: Sequence[Mapping[str, Any] | None],
+    found: Sequence[FoundLaw],
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
     devices = problem.all_devices
@@ -90,7 +121,7 @@ def arrangements(
             if kind == "baseline":
                 return _baseline(table.baseline[number], table, without, folder)
             return _arrange_controller(
-                table.controller[number], number, settings[number], problem, at_zero, folder, hardware
+                table.controller[number], number, found[number], problem, at_zero, folder, hardware
             )
 
     numbers = (("baseline", len(table.baseline)), ("controller", len(table.controller)))
@@ -116,7 +147,7 @@ def arrangements(
 def _arrange_controller(
     controller: ControllerTable,
     number: int,
-    settings: Mapping[str, Any] | None,
+    found: FoundLaw,
     problem: DesignProblem,
     at_zero: Arrangement,
     folder: Path,
@@ -125,6 +156,12 @@ def _arrange_controller(
     """The building with its dampers under the law of a table; one at i = 0 has a label if the table has."""
     if not problem.devices:
         raise SettingError("a control law needs dampers, and the study has none; give a [[damper]]")
+    of_own = ""
+    if controller.user is not None and controller.user.law:
+        of_own = (
+            f" of {controller.user.file}" if isinstance(controller.user.file, str) else ", a law of the user"
+        )
+        controller = replace(controller, law=found.name, user=None)
     _refuse_command(controller, problem, hardware)
     limited, unit = _limit_command(controller, problem)
     slope = controller.slope_in(unit)
@@ -143,7 +180,7 @@ def _arrange_controller(
             # A name without a folder is that of a program on the PATH.
             law = replace(law, program=(str(folder.absolute() / program), *arguments))
         title, description = law.name, f"{law.place}, outside Python"
-    elif settings is None:
+    elif found.settings is None:
         constant, description = CONSTANT_LAWS[name], name
         title, kind = constant.title, constant.kind
         if kind == "best_passive_by_group" and len(products_of(problem.devices)) < 2:
@@ -155,9 +192,10 @@ def _arrange_controller(
             law = constant_share(limited.devices, constant.share)
             law = replace(law, dead_zone=controller.dead_zone, command_slope=slope)
     else:
-        title, description = control_law(name).title, name
+        title = control_law(name).title
+        description = f"{title}{of_own}" if of_own else name
         kind = "passive" if SETTINGS[name].constant else kind
-        named = NamedLaw(table=controller, number=number, given=settings, problem=limited)
+        named = NamedLaw(table=controller, number=number, given=found.settings, problem=limited)
     label = controller.label if kind == "passive_off" else controller.label or title
     row = Row(label=label, kind=kind, description=description)
     if named is not None and named.is_complete:
@@ -237,13 +275,32 @@ def _baseline(baseline: BaselineTable, table: StudyTable, without: Arrangement, 
     return replace(without, row=row, building=changed)
 
 
-def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mapping[str, Any] | None:
-    """The settings that a table gives its law, in SI; a constant command and a law of the user have none.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundLaw:
+    """The law of a table by its name, with the settings that the table gives in SI; `None` for a law without any."""
+
+    name: str
+    settings: Mapping[str, Any] | None
+
+
+def law_of(table: ControllerTable, place: Place, folder: Path) -> FoundLaw:
+    """The law of a table with its settings; a constant command and a function of rows have none.
 
     Names of files with matrices are relative to `folder`.
     """
+    if table.user is not None and table.user.law:
+        with place.within("user").prefix_errors(SettingError):
+            name = own_law_of(table.user, folder).name
+        where = place if table.settings is None else place.within("settings")
+        return FoundLaw(
+            name=name, settings=_values_of(SETTINGS[name], dict(table.settings or {}), where, folder)
+        )
     if table.user is not None or table.process is not None or table.law in CONSTANT_LAWS:
-        return None
+        return FoundLaw(name=table.law, settings=None)
+    return FoundLaw(name=table.law, settings=_settings_of_law(table, place, folder))
+
+
+def _settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mapping[str, Any]:
     if table.law not in SETTINGS:
         near = suggestion(table.law, [*SETTINGS, *CONSTANT_LAWS])
         raise InvalidSettingError("law", f"no control law is called {table.law!r}{near}")
@@ -272,6 +329,9 @@ def resolve_settings(table: TuneTable, place: Place, folder: Path) -> TuneTable:
 
     Settings that a law does not have are left to the tuning, which refuses them.
     """
+    if table.user is not None:
+        with place.within("user").prefix_errors(SettingError):
+            table = replace(table, laws=(own_law_of(table.user, folder).name,), user=None)
     if table.settings is None:
         return table
     settings, where = dict(table.settings), place.within("settings")

@@ -40,7 +40,7 @@ from mrwork.motions.ground_motion import peak_push
 from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines
-from mrwork.study.arrangements import arrangements, resolve_settings, settings_of_law
+from mrwork.study.arrangements import FoundLaw, arrangements, law_of, resolve_settings
 from mrwork.study.dampers import Identified, chosen_damper, condensed_for, equip_building, other_sets
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
@@ -104,7 +104,7 @@ class _Found:
     target: TargetSpectrum | None = None
     dampers: list[tuple[Device, str]] = field(default_factory=list)
     records: list[BareMotion] = field(default_factory=list)
-    settings: list[Mapping[str, Any] | None] = field(default_factory=list)
+    laws: list[FoundLaw] = field(default_factory=list)
     tunes: list[TuneTable] = field(default_factory=list)
 
     def look_up(self, place: Place, table: Any) -> None:
@@ -121,12 +121,13 @@ class _Found:
                     self.records += bare_motions(table, number, self.folder, self.seed, floors)
             case LawFileTable(file=str(file)), _:
                 path, where = self.folder / file, place.within("file")
-                self.on_python(f"{where}: running {path} as Python, for its function {table.function}")
+                wanted = f"law {table.law}" if table.law else f"function {table.function}"
+                self.on_python(f"{where}: running {path} as Python, for its {wanted}")
             case ProcessLaw(), _:
                 verb = "running" if table.program else "asking"
                 self.on_python(f"{place}: {verb} {table.place} for commands")
             case ControllerTable(), _:
-                self.settings.append(settings_of_law(table, place, self.folder))
+                self.laws.append(law_of(table, place, self.folder))
             case Arguments(), ("target",):
                 self.target = target_spectrum(table)
             case TuneTable(), _:
@@ -273,7 +274,7 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         amplitude=expected("amplitude"),
         velocity=expected("velocity"),
     )
-    compared = arrangements(table, bare, problem, inputs.folder, hardware, inputs.settings)
+    compared = arrangements(table, bare, problem, inputs.folder, hardware, inputs.laws)
     labels = [arrangement.row.label for arrangement in compared]
     refuse_same(labels, "controller", "arrangements", "label")
     with keyed("report", "controllers"):

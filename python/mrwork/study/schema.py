@@ -36,6 +36,7 @@ from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
+from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
@@ -148,7 +149,8 @@ class TuneTable(Stated):
 
     _made_by: ClassVar[str] = "mr.study.TuneTable(laws=...)"
 
-    laws: tuple[str, ...] = key("names of the laws")
+    laws: tuple[str, ...] = key("names of the laws", default=())
+    user: LawFileTable | None = optional("a law of the user that mr.own_law has made, instead of laws")
     label: str = key("appended to the titles of the laws in tables, by default tuned", default="")
     settings: Mapping[str, Any] | None = optional("settings that are held", file=True)
     free: Mapping[str, tuple[float, ...]] | None = optional(
@@ -201,8 +203,13 @@ class TuneTable(Stated):
         from mrwork.control.laws.law_settings import SETTINGS
         from mrwork.search.registry import ALL_OPTIMISERS
 
-        if not self.laws:
-            yield "laws", "laws is empty; name the laws to be tuned"
+        if not (self.laws or self.user):
+            yield "laws", "laws is empty; name the laws to be tuned, or give user for a law of your own"
+        if self.user is not None and (self.laws or not self.user.law):
+            yield (
+                "user",
+                "user takes a law that mr.own_law has made, and stands in place of laws; keep one of both",
+            )
         for law in self.laws:
             if law not in SETTINGS:
                 yield "laws", f"no control law is called {law!r}{suggestion(law, [*SETTINGS])}"
@@ -386,21 +393,36 @@ class DamperTable(Stated):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LawFileTable:
-    """A law in Python instead of one of the registry, slower; see `mr.closed_loop.UserLaw`.
+class LawFileTable(Stated):
+    """A law of your own instead of one of the registry; see `mr.own_law` and `mr.closed_loop.UserLaw`.
 
     The file is run as Python when the study is read. It may import installed packages, but no other files: a study is
     resumed only if the text of this one is the same.
     """
 
-    file: str | Command = key("Python file of the law, relative to the study file", file=True)
-    function: str = key("function in it, of a LoopSample and the memory, that returns the commands")
+    file: str | Command | ControlLaw = key("Python file of the law, relative to the study file", file=True)
+    law: str = key("name in it of what mr.own_law has made, which has settings", default="")
+    function: str = key(
+        "function in it, of a LoopSample and the memory, that returns the commands, instead of law",
+        default="",
+    )
     memory: int = key(
         "numbers that each run keeps from sample to sample", default=0, least=0, most=MOST_MEMORY
     )
     rms_time: float | None = positive(
         "time constant of the running root mean squares of the readings, LoopSample.rms", unit="s"
     )
+
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        if bool(self.law) == bool(self.function):
+            both = "both law and function" if self.law else "neither law nor function"
+            yield (
+                (),
+                f"user has {both}; give law for what mr.own_law has made, or function for a function of rows",
+            )
+        for name in ("memory", "rms_time"):
+            if self.law and name in given_in(self):
+                yield name, f"{name} is given to mr.own_law; leave it out"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -457,6 +479,8 @@ class ControllerTable(Stated):
             owner, unread = "a law outside Python", ["law", "user", "settings", "gain", *shaping]
         elif self.user is not None:
             owner, unread = "a law in Python", ["law", "settings", "gain", *shaping]
+            if self.user.law:
+                owner, unread = "a law of the user", ["law", "gain"]
         elif (constant := CONSTANT_LAWS.get(self.law)) is not None:
             unread = ["settings", "gain", *(shaping if constant.share is None else ())]
         for name in (name for name in unread if name in given_in(self)):

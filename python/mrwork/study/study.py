@@ -25,6 +25,7 @@ from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, joined_units, sends_forces
 from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
+from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law
@@ -434,6 +435,9 @@ class Study(Summarised):
         sent = {reading for law in every if isinstance(law, UserLaw | ProcessLaw) for reading in law.readings}
         laws = [law for _, law in self.laws]
         tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
+        if any(spec.own is not None for spec in (*(law.spec for law in laws), *tuned)):
+            # What a law of the user reads is known when it is recorded.
+            sent |= {*READINGS}
         needs_model = any(spec.needs_model for spec in tuned)
         reads_sprung = any(spec.reads_sprung for spec in (*(law.spec for law in laws), *tuned))
         for number, damper in enumerate(self.table.damper):

@@ -17,6 +17,8 @@ import numpy as np
 from mrwork.base.keys import as_document, given_in, keys_of, toml_text
 from mrwork.base.summary import named
 from mrwork.buildings import Building
+from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec
+from mrwork.control.laws.own_formula import OwnFormula
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import OutputError, SettingError
@@ -98,6 +100,10 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
         case {"forces": rows, **given} if keys[0] == "motion" and not {*GROUNDS} & {*given}:
             file = put(f"{name}.csv", {"": _text_of(zip(*rows, strict=True))})
             return {"force": file, "unit": "N", "name": "forces", **given}
+        case {"file": ControlLaw(spec=ControlLawSpec(own=OwnFormula() as own)), **given}:
+            text = function_text(own.function, what="the law", remedy=_IN_A_FILE)
+            text += f"\n\nimport mrwork\n\n{given['law']} = mrwork.own_law({own.function.__name__}, {own.given})\n"
+            return {"file": put(f"{name}.py", {"": text.encode()}), **given}
         case {"file": function, **given} if callable(function):
             text = function_text(function, what="the law", remedy=_IN_A_FILE)
             return {"file": put(f"{name}.py", {"": text.encode()}), **given}

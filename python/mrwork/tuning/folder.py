@@ -13,7 +13,9 @@ from mrwork.base.table import csv_text
 from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import CHOSEN, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
+from mrwork.study.arrangements import own_law_of
 from mrwork.study.folder import results_of_folder, study_document, study_files
+from mrwork.study.schema import LawFileTable
 from mrwork.study.study import StudyFile
 from mrwork.tuning.judging import TunedStudy, with_tuning
 from mrwork.tuning.results import TunedLaw, TuningResults
@@ -85,18 +87,27 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
             for name, number in placed.items()
         ]
         del document["places"]
-    document["controller"] = [*document.get("controller", []), *map(_controller, results.laws)]
+    users = {
+        own_law_of(LawFileTable(**tune["user"]), folder).name: tune["user"]
+        for tune in document.get("tune", [])
+        if "user" in tune
+    }
+    document["controller"] = [
+        *document.get("controller", []),
+        *(_controller(law, users.get(law.law)) for law in results.laws),
+    ]
     return (
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen, as its last controllers; "
         f"for mrwork respond.\n{toml_text({'folder': str(folder), **document})}"
     )
 
 
-def _controller(law: TunedLaw) -> dict[str, Any]:
+def _controller(law: TunedLaw, user: dict[str, Any] | None) -> dict[str, Any]:
     settings, of_command = law.candidate.of_law, law.candidate.of_command
     if not follows_command(law.law):
         of_command.pop(LARGEST, None)
-    return {"law": law.law, "label": law.label, **({"settings": settings} if settings else {}), **of_command}
+    named = {"law": law.law} if user is None else {"user": user}
+    return {**named, "label": law.label, **({"settings": settings} if settings else {}), **of_command}
 
 
 def _scores_csv(results: TunedStudy) -> str:

@@ -362,6 +362,9 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
 
 def is_last(law: str, setting: FreeSetting, unit: float) -> bool:
     """Whether the law permits no value of the setting beyond the end of its range that is nearer to the coordinate."""
+    if law not in SETTINGS:
+        # Beyond the ranges of a law of the user whose file was not run nothing is known.
+        return True
     within = next((entry.within for entry in keys_of(SETTINGS[law]) if entry.name == setting.name), Within())
     end, far = (setting.lower, -math.inf) if unit < 0.5 else (setting.upper, math.inf)
     return bool(within.excludes(math.nextafter(end, far)))

@@ -1,6 +1,7 @@
 //! The arguments of a batch of closed-loop runs.
 
 use super::hardware::{Hardware, Observer};
+use super::own_law::OwnLaw;
 use crate::building::{Building, Springs};
 use crate::control::{CurveModel, Law, LoopModel, LoopSizes, reads_accelerations};
 use crate::coupled::{Group, n_devices};
@@ -86,6 +87,8 @@ pub struct Batch<'a> {
     pub n_commanded: usize,
     /// The control law.
     pub law: Law,
+    /// A law of a user on a tape that commands instead of `law`.
+    pub own: Option<&'a OwnLaw>,
     /// A law outside of the core that commands instead of `law`.
     pub outside: Option<&'a dyn OutsideLaw>,
     /// Gains of `law`, shape (candidates, gains).
@@ -131,7 +134,10 @@ impl<'a> Batch<'a> {
 
     /// Whether the law reads the absolute accelerations of floors.
     pub(super) fn reads_acceleration(&self) -> bool {
-        self.law.spec().reads_acceleration || self.outside.is_some() || self.model_reads_acceleration()
+        self.law.spec().reads_acceleration
+            || self.own.is_some_and(OwnLaw::reads_acceleration)
+            || self.outside.is_some()
+            || self.model_reads_acceleration()
     }
 
     /// Whether the prediction of the law does: its tables were checked, and the last is of the storeys.

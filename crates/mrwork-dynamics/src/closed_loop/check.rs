@@ -2,6 +2,7 @@
 
 use super::batch::{Batch, Run};
 use super::hardware::{Channel, Observer};
+use super::own_law::{OwnLaw, Source};
 use crate::building::Building;
 use crate::control::{LoopModel, Timing};
 use crate::error::DynamicsError;
@@ -79,6 +80,9 @@ impl Batch<'_> {
             return Err(DynamicsError::Preview(preview));
         }
         self.timing()?;
+        if let Some(own) = self.own {
+            own.check(self)?;
+        }
         let limits = [
             ("steps", self.hardware.steps as usize, MOST_STEPS as usize),
             ("delay_steps", self.longest_delay(), LONGEST_DELAY * self.hardware.steps as usize),
@@ -170,6 +174,49 @@ impl<'a> Batch<'a> {
         }
         let timing = Timing::of(spec.name, numbers, &model, self.ranges, self.hardware.sample_time)?;
         Ok(Some((model, timing)))
+    }
+}
+
+impl OwnLaw {
+    /// Refuses a tape that is not sound, inputs that are not there and missing settings.
+    fn check(&self, batch: &Batch<'_>) -> Result<(), DynamicsError> {
+        let Self { tape, inputs, start, names, settings } = self;
+        if !tape.is_sound() {
+            return Err(DynamicsError::UnsoundTape);
+        }
+        let kept = inputs.iter().take_while(|input| input.source == Source::Memory).count();
+        let n_candidates = batch.runs.iter().map(|run| run.candidate as usize + 1).max().unwrap_or(0);
+        let sizes = [
+            ("inputs of the law", inputs.len(), tape.n_inputs),
+            ("memory of the law", kept, start.len()),
+            ("results of the law", tape.ends.len(), start.len() + batch.n_commanded),
+            ("settings of the law", settings.len().max(n_candidates * names.len()), settings.len()),
+        ];
+        for (name, found, expected) in sizes {
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name, found, expected });
+            }
+        }
+        for (place, input) in inputs.iter().enumerate().skip(kept) {
+            let (what, index, count) = match input.source {
+                // What it keeps stands before all else.
+                Source::Memory => ("memory", place, kept),
+                Source::Setting(index) => ("setting", index, names.len()),
+                Source::Displacement(index) | Source::Velocity(index) => {
+                    ("coordinate", index, batch.building.n_coordinates())
+                }
+                Source::Deformation(index) | Source::Rate(index) | Source::Force(index) => {
+                    ("commanded device", index, batch.n_commanded)
+                }
+                Source::Acceleration(index) => ("floor", index, batch.building.n_floors()),
+                Source::Drift(index) => ("measured storey", index, batch.hardware.measured_storeys.len()),
+                Source::GroundAcceleration | Source::GroundVelocity | Source::Time => continue,
+            };
+            if index >= count {
+                return Err(DynamicsError::NoSuchEntry { run: 0, what, index, count });
+            }
+        }
+        Ok(())
     }
 }
 

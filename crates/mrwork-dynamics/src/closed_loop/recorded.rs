@@ -116,9 +116,12 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
         _ => None,
     };
     let mut kept = Vec::new();
-    controller.memory.each(&mut |term| {
-        kept.push(term.value().unwrap_or(f64::NAN));
-    });
+    let mut keep = |term: &mut Term<false>| kept.push(term.value().unwrap_or(f64::NAN));
+    controller.memory.each(&mut keep);
+    if let Some(own) = &mut controller.own {
+        own.each(&mut keep);
+        own.set(|name| formula.input(format!("gains->{name}[0]")));
+    }
     controller.columns = (batch.law.spec().gains.iter())
         .flat_map(|gain| formula.inputs(&format!("gains->{}", gain.name), gain.shape.size(batch.sizes())))
         .collect();
@@ -131,7 +134,11 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
         controller.sent[device] = term;
     }
     let mut memory = formula.inputs("m->law", kept.len()).into_iter();
-    controller.memory.each(&mut |term| *term = memory.next().unwrap_or(*term));
+    let mut recall = |term: &mut Term<false>| *term = memory.next().unwrap_or(*term);
+    controller.memory.each(&mut recall);
+    if let Some(own) = &mut controller.own {
+        own.each(&mut recall);
+    }
     let signals = signals(batch);
     let groups: Vec<Vec<Term<false>>> =
         signals.iter().map(|&(name, count)| formula.inputs(&format!("in->{name}"), count)).collect();
@@ -174,7 +181,11 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
     // The commands of the sample before stand in the first row.
     let place = (1 % controller.depth) * n_devices;
     let mut ends = controller.sent[place..place + n_devices].to_vec();
-    controller.memory.each(&mut |term| ends.push(*term));
+    let mut end = |term: &mut Term<false>| ends.push(*term);
+    controller.memory.each(&mut end);
+    if let Some(own) = &mut controller.own {
+        own.each(&mut end);
+    }
     let mut used = ends.clone();
     used.extend(rollout.iter().flat_map(|rollout| &rollout.ends));
     let lefts: Vec<String> = (0..n_devices)

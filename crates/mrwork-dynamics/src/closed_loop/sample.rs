@@ -4,6 +4,7 @@ use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::directions::Directions;
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
+use super::own_law::OwnState;
 use crate::control::{
     Beginning, ForceCurve, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan,
 };
@@ -25,6 +26,8 @@ pub(super) struct Controller<'a, R: Lanes> {
     /// Largest change of the command from sample to sample.
     pub(super) furthest: R,
     pub(super) memory: Memory<'a, R>,
+    /// A law of the user.
+    pub(super) own: Option<OwnState<'a, R>>,
     /// State estimate of the observer.
     pub(super) state: Vec<R>,
     next_state: Vec<R>,
@@ -108,6 +111,9 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
                 hardware.command_rate.min(shaping(lane).slope) * hardware.sample_time
             }),
             memory: law.start(Beginning { n_devices: batch.n_commanded, plan }),
+            own: batch
+                .own
+                .map(|own| OwnState::new(own, |lane| batch.runs[runs[lane.min(last)]].candidate as usize)),
             state: vec![zero; n_states],
             next_state: vec![zero; n_states],
             acceleration: vec![zero; building.n_floors()],
@@ -328,9 +334,10 @@ impl<R: Lanes> Sample<'_, '_, R> {
             sample_time: hardware.sample_time,
             sent: &controller.sent[earlier..earlier + n_known],
         };
-        match outside {
-            None => controller.memory.command(&gains, &measured, &mut controller.raw),
-            Some(outside) => ask(outside, self.runs, self.number, &measured, &mut controller.raw),
+        match (&mut controller.own, outside) {
+            (Some(own), _) => own.command(&measured, self.number, &mut controller.raw),
+            (None, Some(outside)) => ask(outside, self.runs, self.number, &measured, &mut controller.raw),
+            (None, None) => controller.memory.command(&gains, &measured, &mut controller.raw),
         }
         let position = (self.number % self.controller.depth) * n_devices;
         for (device, &[held, _]) in ranges.iter().enumerate().skip(n_commanded) {

@@ -485,27 +485,27 @@ impl<R: Lanes> At<'_, R> {
         let (per_mass, acceleration) = (&per_mass[..n], &mut acceleration[..n]);
         let influence = &self.building.influence[..n];
         let pushed_mass = &self.building.pushed_mass[..n];
-        let zero = R::Vector::splat(0.0);
+        let zero = R::Piece::splat(0.0);
         let mut powers = [R::splat(0.0); 2];
-        for vector in 0..R::VECTORS {
-            let ground = self.ground.vector(vector);
+        for vector in 0..R::PIECES {
+            let ground = self.ground.piece(vector);
             let (mut damping, mut momentum) = (zero, zero);
             let mut below = [zero; 2];
-            let mut own = [displacement[0].vector(vector), velocity[0].vector(vector)];
+            let mut own = [displacement[0].piece(vector), velocity[0].piece(vector)];
             for i in 0..n {
                 // Beyond the end of the chain nothing is connected.
                 let next = if i + 1 < n { i + 1 } else { i };
-                let above = [displacement[next].vector(vector), velocity[next].vector(vector)];
+                let above = [displacement[next].piece(vector), velocity[next].piece(vector)];
                 let [of_springs, of_damping] = links[i].coupling(vector, below, own, above);
                 damping = of_damping.mul_add(own[1], damping);
-                momentum = own[1].weighted(R::Vector::splat(pushed_mass[i]), momentum);
-                let pushed = ground * R::Vector::splat(-influence[i]);
-                let moved = (of_springs + of_damping).weighted(R::Vector::splat(-per_mass[i]), pushed);
-                acceleration[i].set_vector(vector, moved);
+                momentum = own[1].weighted(R::Piece::splat(pushed_mass[i]), momentum);
+                let pushed = ground * R::Piece::splat(-influence[i]);
+                let moved = (of_springs + of_damping).weighted(R::Piece::splat(-per_mass[i]), pushed);
+                acceleration[i].set_piece(vector, moved);
                 (below, own) = (own, above);
             }
-            powers[0].set_vector(vector, -(momentum * ground));
-            powers[1].set_vector(vector, damping);
+            powers[0].set_piece(vector, -(momentum * ground));
+            powers[1].set_piece(vector, damping);
         }
         powers
     }

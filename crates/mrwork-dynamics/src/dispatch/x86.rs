@@ -144,16 +144,6 @@ macro_rules! vector {
 
         impl Lanes for $name {
             const WIDTH: usize = $width;
-            type Vector = Self;
-            const VECTORS: usize = 1;
-            #[inline(always)]
-            fn vector(&self, _: usize) -> Self {
-                *self
-            }
-            #[inline(always)]
-            fn set_vector(&mut self, _: usize, vector: Self) {
-                *self = vector;
-            }
             #[inline(always)]
             fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
                 let mut values = [0.0; $width];
@@ -212,6 +202,16 @@ impl Neg for Avx2 {
 
 impl Real for Avx512 {
     type Mask = __mmask8;
+    type Piece = Self;
+    const PIECES: usize = 1;
+    #[inline(always)]
+    fn piece(&self, _: usize) -> Self {
+        *self
+    }
+    #[inline(always)]
+    fn set_piece(&mut self, _: usize, piece: Self) {
+        *self = piece;
+    }
 
     #[inline(always)]
     fn out_of_line<W: OutOfLine>(work: W) {
@@ -354,6 +354,16 @@ impl Bits for Avx512 {
 
 impl Real for Avx2 {
     type Mask = __m256d;
+    type Piece = Self;
+    const PIECES: usize = 1;
+    #[inline(always)]
+    fn piece(&self, _: usize) -> Self {
+        *self
+    }
+    #[inline(always)]
+    fn set_piece(&mut self, _: usize, piece: Self) {
+        *self = piece;
+    }
 
     #[inline(always)]
     fn out_of_line<W: OutOfLine>(work: W) {

@@ -147,14 +147,6 @@ impl<const FINE: bool> Term<FINE> {
 
 impl Lanes for Term<false> {
     const WIDTH: usize = 1;
-    type Vector = Self;
-    const VECTORS: usize = 1;
-    fn vector(&self, _: usize) -> Self {
-        *self
-    }
-    fn set_vector(&mut self, _: usize, vector: Self) {
-        *self = vector;
-    }
     fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
         <Self as Real>::splat(value(0))
     }
@@ -205,6 +197,14 @@ where
     Self: Elementary,
 {
     type Mask = Truth;
+    type Piece = Self;
+    const PIECES: usize = 1;
+    fn piece(&self, _: usize) -> Self {
+        *self
+    }
+    fn set_piece(&mut self, _: usize, piece: Self) {
+        *self = piece;
+    }
 
     fn splat(value: f64) -> Self {
         Self(constant(value))

@@ -24,6 +24,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, sends_forces, sends_shares
 from mrwork.buildings.plane_building import Building
+from mrwork.control.laws.own_formula import OwnFormula
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec
@@ -66,7 +67,7 @@ class ControlLawSpec:
     building and dampers. A law that `commands_force` drives ideal actuators, a law that `reads_acceleration` needs
     accelerometers on the floors to which devices are attached, a law that `reads_sprung` the absolute motion of the
     sprung mass of a device, where it has one. The command of a law that `switches` jumps where a
-    signal changes sign, so that results have no derivatives in its gains.
+    signal changes sign, so that results have no derivatives in its gains. A law of the user has a formula of its `own`.
     """
 
     name: str
@@ -82,23 +83,30 @@ class ControlLawSpec:
     reads_acceleration: bool
     reads_sprung: bool
     switches: bool
+    own: OwnFormula | None = None
 
     @property
     def sends_share(self) -> bool:
         """Whether the command scales with the largest command."""
+        if self.own is not None:
+            return False
         absolute = any(gain.scales_with_command for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
 
     @property
     def takes_both_units(self) -> bool:
         """Whether it commands dampers in A beside others in V: by shares, by a command for each, or forces."""
-        by_device = self.needs_model or (bool(self.gains) and all(gain.is_command for gain in self.gains))
+        by_device = (
+            self.own is not None
+            or self.needs_model
+            or (bool(self.gains) and all(gain.is_command for gain in self.gains))
+        )
         return self.sends_share or self.commands_force or by_device
 
 
 def refuse_units(spec: ControlLawSpec, devices: Sequence[Device]) -> None:
     """Refuse devices of both units where the law sends a command of one unit, and actuators where it sends no force."""
-    if sends_forces(devices) and not spec.commands_force:
+    if sends_forces(devices) and not spec.commands_force and spec.own is None:
         raise SettingError(
             f"{spec.name} sends currents or voltages to dampers, and the command of {commanded(devices)[0].name} is a "
             "force; give the law active, or a law in Python"
@@ -323,9 +331,18 @@ def control_law(name: str) -> ControlLawSpec:
     UnknownNameError
         If there is none.
     """
-    specs = {spec.name: spec for spec in control_laws()}
+    specs = {spec.name: spec for spec in control_laws()} | _OWN_LAWS
     check_known(name, specs, f"no control law is called {name!r}")
     return specs[name]
+
+
+# Laws of the user by name, which has a digest of their text.
+_OWN_LAWS: dict[str, ControlLawSpec] = {}
+
+
+def add_own_law(spec: ControlLawSpec) -> None:
+    """Let `control_law` find a law of the user."""
+    _OWN_LAWS[spec.name] = spec
 
 
 def _check_names(

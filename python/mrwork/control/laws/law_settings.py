@@ -115,7 +115,7 @@ class HybridSettings(LawSettings):
         return Design(gains={"share": problem.each(self.share)})
 
 
-SETTINGS: Mapping[str, type[LawSettings]] = {
+SETTINGS: dict[str, type[LawSettings]] = {
     "passive": PassiveSettings,
     "clipped_optimal": RegulatorSettings,
     "modified_clipped_optimal": ClippedSettings,
@@ -142,7 +142,7 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "skyhook_groundhook": HybridSettings,
     "predictive_rollout": RolloutSettings,
 }
-"""Settings by name of the law."""
+"""Settings by name of the law; `own_law` adds those of laws of the user."""
 
 
 SettingValue = (

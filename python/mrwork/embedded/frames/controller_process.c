@@ -1,5 +1,7 @@
 /* The controller as the program of
- *     mr.closed_loop.ProcessLaw(name="$name", program=["./$name"], readings=[$names])
+ *     mr.closed_loop.ProcessLaw(
+ *         name="$name", program=["./$name"], readings=[$names], replaces_readings=True
+ *     )
  * Little-endian doubles: message, sample, time, missed and the readings in; message and commands out.
  */
 #include "$name.h"
