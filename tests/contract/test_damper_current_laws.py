@@ -45,7 +45,7 @@ def with_laws(spec, *, lag="none"):
 
 
 def theta_of(model):
-    """A fifth more of each followed parameter per ampere, a twentieth of curvature, -1 in exponents, 1.5 in rates of laws.
+    """A fifth more of each followed parameter per ampere, a twentieth of curvature, -1 in exponents, 1.5 in rates.
 
     A current falls at a third of the rate at which it rises.
     """
