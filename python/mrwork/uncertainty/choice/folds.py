@@ -114,10 +114,12 @@ class Folds:
         return replace(self, whole=whole, excerpts=excerpts, effects=effects, told=told)
 
     def determines(self, spec: DamperSpec) -> NDArray[np.bool_]:
-        """Whether the commands of the tests without each split determine every law of a model, (n_splits,)."""
-        return np.array(
-            [all(law.is_determined_at(commands) for law in spec.laws) for commands in self.remaining],
-            dtype=np.bool_,
+        """Whether the commands of the tests without each split determine every law and rate, (n_splits,)."""
+        varies = np.array([test.has_varying_command for test in self.excerpts.tests])
+        laws = [all(law.is_determined_at(commands) for law in spec.laws) for commands in self.remaining]
+        # A command that is constant in every test shows no rate of the driver.
+        return np.array(laws, dtype=np.bool_) & (
+            not spec.n_rates or (self.shares[1:, varies] > 0.0).any(axis=1)
         )
 
     def first_fit(

@@ -117,7 +117,7 @@ class Splits:
         """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from the errors of each split.
 
         Of the tests of a unit in a split the NRMSE has its geometric mean, in which relative changes weigh the same.
-        What lies between commands does not count.
+        What lies between commands does not count, nor what is left open.
         """
         if self.fold is None:
             return np.concatenate(nrmse)
@@ -142,8 +142,10 @@ class Splits:
 
     def between(self, nrmse: Sequence[Floats]) -> Floats:
         """Errors of each unit between commands, (n_units,); empty where no such split is predicted whole."""
-        errors = np.array([*self._of("between", nrmse).values()])
-        return errors if np.isfinite(errors).all() else np.empty(0)
+        pairs = zip(self.splits, nrmse, strict=True)
+        if not all(np.isfinite(errors).all() for split, errors in pairs if split.kind == "between"):
+            return np.empty(0)
+        return np.array([*self._of("between", nrmse).values()])
 
     def _of(self, kind: Kind, nrmse: Sequence[Floats]) -> dict[int, float]:
         """Error of each unit in the splits of a kind, of what is predicted there."""
@@ -151,8 +153,10 @@ class Splits:
         for split, errors in zip(self.splits, nrmse, strict=True):
             units = np.array([self.units[index] for index in split.members])
             for unit in sorted(set(units.tolist())) if split.kind == kind else ():
-                mean = np.log(np.maximum(errors[units == unit], _EXACT)).mean()
-                of_kind.setdefault(unit, []).append(float(np.exp(mean)))
+                own = errors[(units == unit) & ~np.isnan(errors)]
+                if own.size:
+                    mean = np.log(np.maximum(own, _EXACT)).mean()
+                    of_kind.setdefault(unit, []).append(float(np.exp(mean)))
         return {unit: float(np.mean(means)) for unit, means in of_kind.items()}
 
 
