@@ -12,6 +12,7 @@ __all__ = [
     "Controller",
     "Dampers",
     "ForceCurve",
+    "LawTape",
     "LoadingHistory",
     "LoopModel",
     "Observer",
@@ -39,6 +40,7 @@ __all__ = [
     "sensitivities",
     "stiffness_shares",
     "straight_forces",
+    "tape_operations",
     "xla_handler",
 ]
 
@@ -135,6 +137,7 @@ def straight_forces(
     laws: list[str] | None = None,
     rates: int = 0,
 ) -> _Floats | None: ...
+def tape_operations() -> list[tuple[str, int]]: ...
 def law_text(looped: Any, single: bool = False) -> dict[str, Any]: ...
 def law_readings(looped: Any) -> list[tuple[str, int]]: ...
 def law_commands(looped: Any, readings: _Floats) -> _Floats: ...
@@ -201,8 +204,6 @@ class Controller:
         shaping: _Floats | None = None,
         model: LoopModel | None = None,
     ) -> Controller: ...
-
-def tape_operations() -> list[tuple[str, int]]: ...
 
 @final
 class LawTape:

@@ -242,14 +242,18 @@ def test_what_cannot_be_recorded_runs_in_python_and_says_why(name: str) -> None:
 
 
 def broken(sample: LoopSample, memory: Floats) -> Floats:
-    return np.where(np.abs(sample.rate) > 0.01, np.nan, 0.0)
+    size = np.abs(sample.rate)
+    found = np.where(size > 0.01, np.nan, size)
+    return 2.0 * found
 
 
-def test_a_law_that_makes_no_number_of_numbers_is_named() -> None:
-    law = UserLaw(name="broken", command=broken, record=True)
+@pytest.mark.parametrize("record", [True, False])
+def test_a_law_that_makes_no_number_of_numbers_is_named_with_the_line_that_does(record: bool) -> None:
+    law = UserLaw(name="broken", command=broken, record=record)
+    line = broken.__code__.co_firstlineno + 2
     refusal(
         run,
         law,
         HARDWARE["plain"],
-        match=r"^broken \(.*test_recorded_law.py, line \d+\) .* \(NaN\) for device",
+        match=rf"^broken \(.*test_recorded_law.py, line \d+\) .* \(NaN\) for device .*, made in line {line},",
     )

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from damper_samples import sine
 from loop_samples import devices, law_with_gains, plant_with, rd1005, sweep
+from own_laws import skyhook_law
 
 import mrwork as mr
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
@@ -40,6 +41,8 @@ def work() -> None:
     )
     loop = devices(rd1005(), of=plain)
     simulate_loop(plain, loop, law_with_gains("predictive_rollout", plant_with(loop, plain)), [sweep(0.02)])
+    own = replace(skyhook_law(), gains={"corner": [0.3], "gain": [[1.0], [2.0], [3.0]]})
+    simulate_loop(plain, loop, own, [sweep(0.02)])
     law = law_with_gains("clipped_optimal", plant_with(loop, plain))
     printed = replace(printed_loop(plain, loop, law, Hardware(feedback="observer")), matrices=None)
     mr._rust.law_text(printed)
@@ -131,6 +134,7 @@ FREE = {
     **{("Building", name): (0,) for name in ("floors", "storeys", "devices")},
     **{(name, "theta"): (0,) for name in ("Dampers", "force_histories", "sensitivities", "stiffness_shares")},
     ("Controller", "gains"): (0, 1),
+    ("LawTape", "settings"): (0,),
     ("respond", "motions"): (0, 1),
     ("law_commands", "readings"): (0,),
 }

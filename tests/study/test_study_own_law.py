@@ -140,3 +140,14 @@ def test_a_study_in_python_takes_it_and_writes_it(tmp_path: Path) -> None:
     assert again.tunes[0].laws == (again.arrangements[-1].law.name,)
     refusal(mr.study_of, building=mr.building("uts"), laws=[mr.ControlLaw(name="passive", gains={"command": [1.0]})],
             motions=[mr.synthetic_motion(duration=1.0)], match="designed already")  # fmt: skip
+
+
+def test_a_law_that_cannot_be_recorded_is_told_once_with_its_line(tmp_path: Path) -> None:
+    branch = "10.0 * abs(sample.rate) if sample.time > 0.1 else 0.0 * sample.rate"
+    rows = f"import numpy as np\n\ndef brake(sample, memory):\n    return {branch}\n"
+    path = write(tmp_path, study=STUDY.split("[[controller]]")[0])
+    (tmp_path / "rows.py").write_text(rows)
+    path.write_text(path.read_text() + '[[controller]]\nuser = { file = "rows.py", function = "brake" }\n')
+    results = mr.run_study(mr.read_study(path), threads=1)
+    (remark,) = [remark for remark in results.remarks if remark.code == "law_in_python"]
+    assert "rows.py, line 4: `if`" in remark.message

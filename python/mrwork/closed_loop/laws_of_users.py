@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrwork.base.recording import NotRecordedError
-from mrwork.base.remark import ONCE, RemarkKind
+from mrwork.base.remark import ONCE, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.buildings.device import Device
 from mrwork.buildings.plane_building import Building
@@ -87,3 +87,14 @@ def recorded_for(
             raise SettingError(f"{user.formula.name} cannot be recorded: {reason}") from None
         return None, none, str(reason)
     return recorded, settings, ""
+
+
+def remark_on_python(
+    law: ControlLaw | UserLaw | ProcessLaw, building: Building, driven: Sequence[Device], hardware: Hardware
+) -> Remark | None:
+    """Why a law is called in Python at every sample; `None` where it is not, or must be."""
+    user, _ = law_in_loop(law, driven, 2 * building.n_coordinates)
+    if not isinstance(user, RowsLaw) or user.formula.record is not None:
+        return None
+    _, _, reason = recorded_for(user, loop_shape(building, driven, hardware))
+    return IN_PYTHON.remark(user.formula.name, reason) if reason else None

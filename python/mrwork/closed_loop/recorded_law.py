@@ -268,6 +268,47 @@ class _Law:
                 )
 
 
+def line_of_no_number(
+    formula: OwnFormula, sample: LoopSample, memory: Floats, settings: Floats, *, run: int, device: int
+) -> str:
+    """The line that makes the command of a run no number, as "line 7"; empty where the law cannot be recorded.
+
+    Parameters
+    ----------
+    memory, settings
+        Of the run before the sample, shapes (n_memory,) and (n_settings,).
+    """
+    readings = {name: getattr(sample, name) for name in READINGS}
+    shape = LoopShape(
+        lengths={name: None if each.ndim == 1 else each.shape[1] for name, each in readings.items()},
+        largest=tuple(sample.largest.tolist()),
+        sample_time=sample.sample_time,
+    )
+    try:
+        graph = _Law(formula, shape).graph(int(sample.candidate[run]))
+    except Exception:
+        return ""
+    columns = {name: np.ravel(each[run]) for name, each in readings.items()}
+    columns |= {"memory": memory, "setting": settings, "time": np.array([sample.time])}
+    given = {
+        (name, place): number for name, numbers in columns.items() for place, number in enumerate(numbers)
+    }
+    nodes, end = graph.recording.nodes, graph.commands[device]
+    used = graph.recording.used_by([end])
+    if any(nodes[at].op == "input" and nodes[at].of not in given for at in used):
+        return ""
+    values = dict(zip(used, graph.recording.values(given, used), strict=True))
+    while True:
+        node = nodes[end]
+        of = node.of if node.op not in ("const", "input") else ()
+        if node.op == "where":
+            of = (of[1] if values[of[0]] > 0.0 else of[2],)
+        made = [at for at in of if np.isnan(values[at]) and nodes[at].op not in ("const", "input")]
+        if not made:
+            return node.line
+        end = made[0]
+
+
 def _on_tape(graphs: Sequence[Graph], names: tuple[str, ...], settings: Floats) -> tuple[RecordedLaw, Floats]:
     """The tape of graphs that are alike, and settings: their own, then numbers that differ from graph to graph."""
     first = graphs[0]

@@ -17,7 +17,7 @@ from mrwork.base.hints import node_of
 from mrwork.base.values import Floats
 from mrwork.buildings.device import Device
 from mrwork.closed_loop.loop_sample import READINGS, RMS_READINGS, LoopSample, RunningRms
-from mrwork.closed_loop.recorded_law import LoopShape, RecordedLaw, record_law
+from mrwork.closed_loop.recorded_law import LoopShape, RecordedLaw, line_of_no_number, record_law
 from mrwork.control.laws.own_formula import OwnFormula
 from mrwork.errors import SettingError
 from mrwork.store.user_python import in_words, place_of, place_raised, start_of
@@ -158,14 +158,25 @@ class RowsLaw:
                 lost[places] = False
             if unknown is not None:
                 lost[places] |= unknown
-            commands = self._commands(returned, sample, lost[places], (len(places), len(devices)))
+            # What is kept is replaced below.
+            before = partial(self._kept, memory, places, number)
+            commands = self._commands(returned, sample, before, lost[places], (len(places), len(devices)))
             memory[places] = memory_rows
             return commands if unknown is None else np.where(unknown[:, None], np.nan, commands)
 
         return ask
 
+    def _kept(self, memory: Floats, places: NDArray[np.uintp], number: int, run: int) -> Floats:
+        """What a run of these places keeps before the sample of that number, shape (n_memory,)."""
+        return self.formula.start if number == 0 else memory[places[run]]
+
     def _commands(
-        self, returned: object, sample: LoopSample, lost: NDArray[np.bool_], shape: tuple[int, int]
+        self,
+        returned: object,
+        sample: LoopSample,
+        before: Callable[[int], Floats],
+        lost: NDArray[np.bool_],
+        shape: tuple[int, int],
     ) -> Floats:
         """Commands that the law returned, checked; (n_runs,) is taken for the one device of (n_runs, 1)."""
         try:
@@ -184,8 +195,11 @@ class RowsLaw:
         invalid = np.isnan(commands)
         if invalid.any() and (blamed := invalid.any(axis=1) & ~lost & sample.is_physical).any():
             run = int(blamed.argmax())
+            device = int(invalid[run].argmax())
+            settings = self.settings[sample.candidate[run]]
+            line = line_of_no_number(self.formula, sample, before(run), settings, run=run, device=device)
             raise SettingError(
-                f"{self._title} returned a command that is not a number (NaN) for device "
-                f"{int(invalid[run].argmax()) + 1} at {sample.time:g} s, and its readings are numbers; correct the law"
+                f"{self._title} returned a command that is not a number (NaN) for device {device + 1} at "
+                f"{sample.time:g} s{line and f', made in {line}'}, and its readings are numbers; correct the law"
             )
         return np.ascontiguousarray(commands)

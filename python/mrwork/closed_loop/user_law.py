@@ -1,8 +1,8 @@
 """A control law in Python for rows of runs: a function of what is measured, beside the laws of the registry.
 
 The loop itself is the same for every law. A function that is recorded runs as one of the registry does. One that cannot
-be is asked at each sample, some tens of microseconds: a run of the five-storey frame at 1 ms takes some nine times as
-long. Candidates in one batch share the waiting. What a function raises has file and line.
+be is asked at each sample, some tens of microseconds: a run of the five-storey frame at 1 ms takes ten to twenty times
+as long. Candidates in one batch share the waiting. What a function raises has file and line.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded, joined_units, sends_forces
 from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
+from mrwork.closed_loop.laws_of_users import remark_on_python
 from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import UserLaw
@@ -385,7 +386,8 @@ class Study(Summarised):
             for label, law in self.laws
             for remark in law.remarks
         )
-        of_all = (*self.unusual, *self._remarks_of_forces(), *self._remarks_of_roads(), *of_laws)
+        of_loops = (*self._remarks_of_forces(), *self._remarks_of_roads(), *self._remarks_of_users())
+        of_all = (*self.unusual, *of_loops, *of_laws)
         return (*of_motions, *next(filter(None, of_each), ()), *asked, *same, *of_all)
 
     def _remarks_of_forces(self) -> Iterator[Remark]:
@@ -398,6 +400,14 @@ class Study(Summarised):
         for label, law in self.laws:
             if law.spec.needs_model and not np.ravel(law.tables["shears"])[0] > 0.0:
                 yield _FORECAST.remark(label, forced)
+
+    def _remarks_of_users(self) -> Iterator[Remark]:
+        for arrangement in self.arrangements:
+            law, driven = arrangement.law, commanded(arrangement.devices)
+            if law is not None and driven:
+                remark = remark_on_python(law, arrangement.building, driven, self.hardware)
+                if remark is not None:
+                    yield remark
 
     def _remarks_of_roads(self) -> Iterator[Remark]:
         road = next((ground.name for ground in self.grounds if ground.is_road), None)
