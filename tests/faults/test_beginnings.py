@@ -6,6 +6,7 @@ Each form of run is written by a process that is killed at every file, folder, n
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -126,7 +127,7 @@ def kill_everywhere(form: str, before: str, folder: Path) -> None:
         place = folder / str(point) / "run"
         place.parent.mkdir(parents=True)
         BEFORE[before](form, place)
-        if (child := os.fork()) == 0:
+        if (child := forked()) == 0:
             kill_at(point, str(place))
             write(form, place, "new", replace=before == "killed")
             sys.exit()
@@ -135,9 +136,16 @@ def kill_everywhere(form: str, before: str, folder: Path) -> None:
             sys.exit(status)
 
 
+def forked() -> int:
+    """The child of a fork, or zero in it: libraries with threads warn of one, and the child writes files alone."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return os.fork()
+
+
 def leave_unfinished(form: str, place: Path, text: str) -> None:
     """A run of a form that was killed before it was committed, with a file of its user."""
-    if os.fork() == 0:
+    if forked() == 0:
         setattr(RunAtWork, "commit", lambda *_, **__: os._exit(0))  # noqa: B010
         write(form, place, text)
     os.wait()

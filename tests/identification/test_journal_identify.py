@@ -55,10 +55,9 @@ def test_a_run_of_something_else_is_refused_by_name(
     refused(part_with(tmp_path, (whole / "journal.jsonl").read_bytes()), [*COMMAND, *arguments], word)
 
 
-def test_a_resumption_of_nothing_and_one_over_a_finished_run_change_nothing(
+def test_a_resumption_over_a_finished_run_of_another_seed_changes_nothing(
     whole: Path, tmp_path: Path
 ) -> None:
-    refused(tmp_path / "run", [*COMMAND], "no journal.jsonl to resume")
     shutil.copytree(whole, tmp_path / "run")
     refused(tmp_path / "run", [*COMMAND, "--seed", "4"], "seed is 3 there and 4 here")
 

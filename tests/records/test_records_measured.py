@@ -35,14 +35,13 @@ def test_each_remark_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> Non
     names = {test.name for test in utfsm}
     told = {
         code: {test.name for test in utfsm if code in codes(test)}
-        for code in ("velocity_difference", "velocity_noisy", "moving_average", "loop_drift", "force_offset")
+        for code in ("velocity_difference", "velocity_noisy", "moving_average", "loop_drift")
     }
     # The smoothed files contain backward differences.
     smoothed = {name for name in names if not name.startswith("unfiltered")}
     assert told["velocity_difference"] == smoothed
     # The velocity of the original files is a derivative over five samples; of the smallest stroke it is noisy.
-    for code in ("velocity_noisy", "force_offset"):
-        assert all(name.startswith("unfiltered_2mm5Hz") for name in told[code])
+    assert all(name.startswith("unfiltered_2mm5Hz") for name in told["velocity_noisy"])
     assert told["moving_average"] == smoothed
     # Without current the force is small and settles in the first cycles, in the smoothed and the original files.
     assert all("0A" in name for name in told["loop_drift"])

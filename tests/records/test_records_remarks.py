@@ -21,6 +21,7 @@ from mrwork.identification.indistinct import unlike_offsets
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, repair
 from mrwork.records.checks import may_be_one_way
+from mrwork.records.observation import AS_RECORDED
 from mrwork.records.remarks import gathered_remarks
 
 OMEGA = 2.0 * np.pi * FREQUENCY
@@ -553,5 +554,5 @@ def test_a_force_that_is_larger_one_way_may_be_the_dampers_and_is_not_repaired_a
     test = recorded(time, displacement, np.where(force > 0.0, stronger * force, force) + offset)
     (remark,) = (each for each in test.remarks if each.code == "force_offset")
     assert may_be_one_way(test.displacement, test.force, test.velocity) is is_open
-    (advice,) = unlike_offsets((), damper("bingham"), {"f0": (0.0, 0.0)}, [test])
+    (advice,) = unlike_offsets(AS_RECORDED, damper("bingham"), {"f0": (0.0, 0.0)}, [test])
     assert ["stronger one way" in each.message for each in (remark, advice)] == [is_open] * 2

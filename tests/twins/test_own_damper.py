@@ -109,7 +109,7 @@ def test_exchanged_arguments_and_a_lambda_are_told(tmp_path: Path) -> None:
         ({"name": "my damper"}, "letters, digits"),
         ({"parameters": {}}, "no parameters"),
         ({"parameters": {**C, "k": ("N/m", 1.0, 100.0, 1000.0)}}, "nothing in mine uses k"),
-        ({"parameters": {"eta": C["c"]}}, "not eta"),
+        ({"parameters": {"eta": C["c"]}}, "none of eta"),
         ({"parameters": {"c": ("N s/m", 1000.0, 100.0, 1.0)}}, "in this order"),
         ({"parameters": {"c": ("N s/m", 100.0, 100.0, 100.0)}}, "equal bounds"),
         ({"parameters": {"c": ("kN s/m", 1, 100, 1000)}}, "numbers are in SI"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import AnyNumbers, Refusal, accept
 from mrwork.base.hints import node_of
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device
 from mrwork.closed_loop.loop_sample import READINGS, RMS_READINGS, LoopSample, RunningRms
 from mrwork.closed_loop.recorded_law import LoopShape, RecordedLaw, line_of_no_number, record_law
@@ -64,6 +63,7 @@ class _WatchedSample(LoopSample):
     """A sample in which a reading is not a number; it knows which readings a law has looked at."""
 
     __slots__ = ("_seen",)
+    __eq__, __hash__ = LoopSample.__eq__, None  # type: ignore[assignment]
 
     def __getattribute__(self, name: str) -> Any:
         if name in READINGS:
@@ -82,7 +82,7 @@ class _WatchedSample(LoopSample):
         return unknown
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@array_dataclass()
 class RowsLaw:
     """A law of the user with the settings of each candidate, shape (n_candidates, n_settings)."""
 

@@ -346,7 +346,7 @@ def _predict_parts(
     shown = _shown(normal, left_out[0], fixed)
     if not shown.any():
         return steps, np.inf
-    squared = normal.after(steps[0][:, None])[left_out[0]].reshape(shown.size, -1).sum(axis=1)
+    squared = np.where(left_out[0], normal.after(steps[0][:, None]), 0.0).sum(axis=1)
     return steps, float(np.sqrt(squared[shown].sum() / np.mean(shown)))
 
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 
 RowsCommand = Callable[[Any, Any, Any], Any]
 """Takes a `LoopSample`, the memory and the settings of each run, shapes (n_runs, ...), and returns the commands."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@array_dataclass()
 class OwnFormula:
     """A law of the user.
 
