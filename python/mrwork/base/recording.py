@@ -55,8 +55,12 @@ class NotRecordedError(Exception):
     """A function does what no recording holds; the text says what and what to write instead, after file and line."""
 
     def __init__(self, sentence: str, place: str | None = None) -> None:
-        where = place_of_user() if place is None else place
-        super().__init__(f"{where}: {sentence}" if where else sentence)
+        self.sentence, self.place = sentence, place_of_user() if place is None else place
+        super().__init__(f"{self.place}: {sentence}" if self.place else sentence)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The error again where it was made, and not where it is unpickled."""
+        return type(self), (self.sentence, self.place), vars(self)
 
 
 @dataclass(frozen=True, slots=True)
