@@ -122,3 +122,36 @@ def test_each_command_between_others_is_a_split_of_its_own(tests: tuple[DamperTe
     assert splits.errors(errors).mean() == pytest.approx(0.1)
     assert splits.between(errors) == pytest.approx(np.full(3, 0.5))
     assert splits.between([np.full_like(each, np.nan) for each in errors]).size == 0
+
+
+def test_a_split_without_the_record_that_shows_the_lag_predicts_nothing_of_it() -> None:
+    spec = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A", lag="one_rate")
+    theta = np.array([200.0, 400.0, 2000.0, 20.0, 30.0])
+    time = np.arange(0.0, 6.0, 0.005)
+    phase = 2.0 * np.pi * (time + 0.05 * time**2)
+    velocity = 0.02 * np.pi * (1.0 + 0.1 * time) * np.cos(phase)
+    command = np.where(np.sin(9.0 * time) + 0.4 * np.sin(23.0 * time) > 0.0, 1.0, 0.0)
+    loading = mr.Loading(
+        dt=0.005, displacement=0.01 * np.sin(phase), velocity=velocity, command=command, command_unit="A"
+    )
+    force = mr.simulate(spec, theta, loading)
+    switched = mr.test_from_arrays(
+        name="switched",
+        time=time,
+        displacement=loading.displacement,
+        velocity=velocity,
+        force=force + np.random.default_rng(1).normal(0.0, 2.0, time.size),
+        command=command,
+        command_unit="A",
+    )
+    held = [
+        sinusoidal_test("dahl", (200.0 + 400.0 * level, 2000.0, 20.0), motion, noise=0.01, command=level)
+        for motion, level in product(MOTIONS[:2], (0.0, 1.0))
+    ]
+    settings = FitSettings(bounds={"f0": (0.0, 100.0)})
+    choice = choose_laws("dahl", [*held, switched], lagged=True, settings=settings, threads=1)
+    chosen = choice.ranking.chosen_standing
+    assert chosen.laws == {"k_w": "linear"}
+    assert choice.best.parameters["eta"].value == pytest.approx(30.0, rel=0.05)
+    for split, errors in zip(choice.ranking.splits, chosen.predicted, strict=True):
+        assert all((error is None) is (4 in split.members) for error in errors)

@@ -19,6 +19,8 @@ from mrwork.uncertainty.choice.folds import FoldedFit, Folds, plain_curves
 _STEPS = 3
 _DAMPING = 1e-2
 _SMALL = 1e-4
+# Latent coordinate at which a parameter is on its bound to rounding.
+_AT_BOUND = 30.0
 
 
 @array_dataclass()
@@ -87,7 +89,8 @@ class Promises:
             down = np.einsum("rfcp,rcp->rf", slope, pull)
             scale = np.sqrt(np.maximum(np.diagonal(hessian, axis1=1, axis2=2), np.finfo(float).tiny))
             scaled = hessian / scale[:, :, None] / scale[:, None] + _DAMPING * np.eye(n_free)
-            latent = latent - np.linalg.solve(scaled, (down / scale)[..., None])[..., 0] / scale
+            step = np.linalg.solve(scaled, (down / scale)[..., None])[..., 0] / scale
+            latent = np.clip(latent - np.nan_to_num(step), -_AT_BOUND, _AT_BOUND)
             curves = curves_at(latent)
         away = (curves - here)[:, self.levels]
         nrmse = np.sqrt(np.clip(np.nan_to_num(normal.after(away), nan=1.0), 0.0, 1.0))
