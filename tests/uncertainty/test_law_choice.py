@@ -124,23 +124,6 @@ def test_laws_with_the_force_of_simpler_ones_are_not_listed(settings: FitSetting
     assert "laws_not_listed" in {each.code for each in ranking.remarks}
 
 
-def test_the_chosen_laws_are_tried_through_values_and_through_logarithms(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    tests = [
-        sinusoidal_test("dahl", (200.0 + 400.0 * command, 2000.0, 20.0), motion, noise=0.02, command=command)
-        for motion, command in product(MOTIONS[:2], (0.0, 0.4, 0.8, 1.2))
-    ]
-    constant = FitSettings(bounds={"f0": (0.0, 100.0)})
-    monkeypatch.setattr("mrwork.uncertainty.choice.law_search.LawSearch._proposals", lambda *_: [])
-    monkeypatch.setattr("mrwork.uncertainty.choice.law_search.LawSearch._simplify", lambda *_: None)
-    ranking = choose_laws("dahl", tests, settings=constant, threads=1).ranking
-    # Without neighbours there are the first laws alone.
-    forms = [set(each.laws.values()) for each in ranking.standings]
-    assert {"log_quadratic"} in forms
-    assert {"quadratic"} in forms
-
-
 def test_given_laws_and_parameters_with_bounds_are_not_chosen(
     tests: tuple[DamperTest, ...], settings: FitSettings
 ) -> None:

@@ -63,7 +63,7 @@ class _WatchedSample(LoopSample):
     """A sample in which a reading is not a number; it knows which readings a law has looked at."""
 
     __slots__ = ("_seen",)
-    __eq__, __hash__ = LoopSample.__eq__, None  # type: ignore[assignment]
+    __eq__, __hash__ = LoopSample.__eq__, None  # type: ignore[assignment] # a class with arrays has no hash
 
     def __getattribute__(self, name: str) -> Any:
         if name in READINGS:

@@ -235,12 +235,7 @@ class LawSearch:
             often = 1 if self._is_best_sound() else _EXPANDED
             left = [fitted for fitted in self.frontier() if expanded.count(fitted.laws) < often]
             if not left:
-                _, chosen, *_ = self.frontier()
-                reverse = self._reversed(chosen.laws)
-                if reverse in [fitted.laws for fitted in self.fitted]:
-                    break
-                self._move_to(chosen, reverse)
-                continue
+                break
             current = min(left, key=lambda fitted: expanded.count(fitted.laws))
             expanded.append(current.laws)
             if proposals := self._proposals(current):
@@ -420,15 +415,15 @@ class LawSearch:
         for parameter in self.plain.parameters:
             if parameter.name in self.free and parameter.name not in held:
                 changes += [
-                    _Change(laws, laws.with_law(parameter.name, law), frozenset({parameter.name}))
+                    _Change(laws.with_law(parameter.name, law), frozenset({parameter.name}))
                     for law in self._other_laws(parameter, of.get(parameter.name, CONSTANT))
                 ]
         for values in self._values_to_hold():
             names = frozenset(values)
             if names <= held.keys():
-                changes.append(_Change(laws, laws.releasing(names), names))
+                changes.append(_Change(laws.releasing(names), names))
             elif not names & of.keys():
-                changes.append(_Change(laws, laws.holding(values), names))
+                changes.append(_Change(laws.holding(values), names))
         return changes
 
     def _other_laws(self, parameter: ParamSpec, law: CommandLaw) -> list[CommandLaw]:
@@ -461,18 +456,6 @@ class LawSearch:
             elif parameter.unit == "1" and parameter.lower == 1.0:
                 values.append({name: 1.0})
         return values
-
-    def _reversed(self, laws: LawSet) -> LawSet:
-        """The laws with each polynomial through logarithms in place of values, or the reverse, if tests show it."""
-        positive = {parameter.name for parameter in self.plain.parameters if parameter.is_positive}
-        reverse = dict(zip(POLYNOMIAL_FORMS, reversed(POLYNOMIAL_FORMS), strict=True))
-        instead = {
-            name: CommandLaw(law.fitted_degree, form=reverse[law.form])
-            for name, law in laws.laws
-            if law.form in reverse and name in positive
-        }
-        shown = {name: law for name, law in instead.items() if not self.is_through_all(law)}
-        return LawSet.of(dict(laws.laws) | shown, dict(laws.held))
 
     def _texts(self, laws: LawSet) -> dict[str, LawName]:
         return {name: str(law) for name, law in (self.given | dict(laws.laws)).items()}
@@ -553,9 +536,8 @@ class LawSearch:
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A change of the parameters `names` from one candidate to another."""
+    """A change of the parameters `names`, and the candidate to which it leads."""
 
-    before: LawSet
     laws: LawSet
     names: frozenset[str]
 
