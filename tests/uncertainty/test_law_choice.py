@@ -11,7 +11,8 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.dampers.spec import hidden_extrema, law_values
+from mrwork.dampers.between_commands import hidden_extrema
+from mrwork.dampers.spec import law_values
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpt, middle_excerpts

@@ -95,6 +95,11 @@ class Remark:
     words: tuple[str, ...] = ()
 
     @property
+    def as_sentence(self) -> str:
+        """The message as a sentence with its stop."""
+        return f"{self.message[:1].upper()}{self.message[1:]}."
+
+    @property
     def in_words(self) -> str:
         """Severity and message, as a line of the terminal."""
         return f"{self.severity}: {self.message}"

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from math import ceil, inf, log10
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.base.arguments import checked
-from mrwork.base.hints import SMALLEST
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import NOTHING, format_fixed, format_rounded, in_newtons, of_unit
 from mrwork.base.remark import Measured, Remark, RemarkKind
@@ -447,7 +446,7 @@ def with_changed_laws(
 # Commands at which a law is evaluated.
 _N_COMMANDS = 201
 # A positive parameter below this share of its largest value has vanished.
-_VANISHED = 1e-3
+VANISHED = 1e-3
 # Share of a bound that rounding may add to a value on it.
 _ROUNDING = 1e-9
 LAW_LEAVES_RANGE = RemarkKind("law_leaves_range", "{limit}, within the tested commands", "choose another law")
@@ -504,7 +503,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
         beyond = np.abs(value - used)
         beyond[beyond <= _ROUNDING * np.abs(used)] = 0.0
         if parameter.lower > 0.0 and parameter.unit != "1":
-            beyond[(beyond == 0.0) & (value < _VANISHED * value.max())] = np.finfo(float).tiny
+            beyond[(beyond == 0.0) & (value < VANISHED * value.max())] = np.finfo(float).tiny
         outside = np.flatnonzero(beyond)
         if outside.size:
             worst = int(np.argmax(beyond))
@@ -521,101 +520,6 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
                 )
             )
     return tuple(limits)
-
-
-# Share of the larger of a law's values at two neighbouring commands by which it may pass both between them.
-_OVERSHOOT = 0.05
-_PER_GAP = 41
-_EXTREMUM = RemarkKind(
-    "extremum_untested",
-    "the law of {0} has an extremum between the tested commands {low:.3g} and {high:.3g} {1}, {extreme} at {command}, "
-    "that no test shows",
-    "test there, or {remedy}",
-)
-
-
-class HiddenExtremum(NamedTuple):
-    """An extremum of a law between two tested commands, and a law through the same values that has none."""
-
-    parameter: str
-    instead: CommandLaw | None
-    remark: Remark
-
-
-def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> tuple[HiddenExtremum, ...]:
-    """For each parameter the largest extremum of its law between neighbouring tested commands, lowest first.
-
-    There the law passes its values at both commands by more than 5 % of the larger of them.
-    """
-    if spec.command_unit is None or len(levels) < 2:
-        return ()
-    unit, command = spec.command_unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
-    extrema = []
-    by_law = by_parameter(spec, np.asarray(theta, dtype=np.float64))
-    for (parameter, law), coefficients in zip(spec.law_pairs, by_law, strict=False):
-        share, value = _passing(law, coefficients, command)
-        if share.max() <= _OVERSHOOT:
-            continue
-        most = int(np.argmax(share))
-        instead = _least_curved(parameter, law.other_forms(parameter), coefficients, command)
-        low, high = (levels[most % command.shape[1] + end] for end in (0, 1))
-        extreme = Measured(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit)
-        remark = _EXTREMUM.remark(
-            parameter.name,
-            unit,
-            measured=extreme,
-            low=low,
-            high=high,
-            extreme=of_unit(extreme.value, extreme.unit, 3),
-            command=of_unit(float(command.flat[most]), unit, 3),
-            remedy=f"give {parameter.name}={instead} as its law" if instead else "choose another law",
-        )
-        extrema.append(HiddenExtremum(parameter.name, instead, remark))
-    return tuple(extrema)
-
-
-def least_curved(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> dict[str, CommandLaw]:
-    """For each parameter with a law by values the least curved form through these without an extremum between levels.
-
-    Straight lines are taken where all curves have one; a parameter of which all forms have one is left out.
-    """
-    command = np.linspace(levels[:-1], levels[1:], _PER_GAP)
-    by_law = by_parameter(spec, np.asarray(theta, dtype=np.float64))
-    found = {
-        parameter.name: _least_curved(parameter, [law, *law.other_forms(parameter)], coefficients, command)
-        for (parameter, law), coefficients in zip(spec.law_pairs, by_law, strict=False)
-        if law.nodes
-    }
-    return {name: law for name, law in found.items() if law is not None}
-
-
-def _least_curved(
-    parameter: ParamSpec, laws: Sequence[CommandLaw], coefficients: Floats, command: Floats
-) -> CommandLaw | None:
-    """Of laws through the same values the least curved one within its range and without an extremum.
-
-    `command` has a column for each gap, (n_per_gap, n_gaps). The curvature is the integral of the squared second
-    derivative. Straight lines, whose kinks have none, come last, in their order.
-    """
-    best, least = None, np.inf
-    every = np.linspace(command.min(), command.max(), 2 * command.size)
-    for law in laws:
-        share, value = _passing(law, coefficients, command)
-        lowest = max(parameter.lower, parameter.is_positive * _VANISHED * value.max())
-        if share.max() > _OVERSHOOT or value.max() > parameter.upper or value.min() < lowest:
-            continue
-        curvature = float(np.sum(np.diff(law.values(coefficients, every), 2) ** 2))
-        if best is None or (not law.is_straight and (best.is_straight or curvature < least)):
-            best, least = law, curvature
-    return best
-
-
-def _passing(law: CommandLaw, coefficients: Floats, command: Floats) -> tuple[Floats, Floats]:
-    """By which share of the larger end of its gap a law passes both ends at each command, and its values there."""
-    value = law.values(coefficients, command.ravel()).reshape(command.shape)
-    ends = value[[0, -1]]
-    beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
-    return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
 
 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:

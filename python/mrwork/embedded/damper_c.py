@@ -9,6 +9,7 @@ import numpy as np
 from mrwork import _rust
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.between_commands import open_between_commands
 from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.simulation import Loading, Outcome, refuse_failure, simulate_forces
 from mrwork.dampers.spec import DamperSpec
@@ -87,12 +88,15 @@ def damper_source(
         f"{percent:.2g} % rms from the one under a smooth motion through the same samples, and by "
         f"{100.0 * float(np.abs(off).max() / np.abs(exact.force[0]).max()):.2g} % of the largest at kinks."
     )
+    between = open_between_commands(spec, theta, tested)
+    open_laws = () if between is None else (between.as_sentence,)
     head = [
         *spec.equation.split("\n"),
         "",
         *origin,
         f"Tested: {tested.in_words}",
         f"Source of the model: {spec.source}",
+        *open_laws,
         straight,
     ]
     n_params = len(spec.without_laws.parameters)
@@ -149,7 +153,7 @@ def damper_source(
         is_lagged=spec.n_rates > 0,
         sample_time=sample_time,
         substeps=substeps,
-        notes=(straight,),
+        notes=(*open_laws, straight),
     )
 
 

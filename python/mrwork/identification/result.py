@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
+from mrwork.dampers.between_commands import hidden_extrema, open_between_commands
 from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.simulation import stiffness_shares
-from mrwork.dampers.spec import LAW_BEYOND, LAW_LEAVES_RANGE, DamperSpec, hidden_extrema, law_limits
+from mrwork.dampers.spec import LAW_BEYOND, LAW_LEAVES_RANGE, DamperSpec, law_limits
 from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
 from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
@@ -210,6 +211,8 @@ def _remarks_on(fit: Fit) -> Iterator[Remark]:
         inside = within.get(limit.parameter)
         yield limit.remark(LAW_BEYOND) if inside is None else inside.remark(LAW_LEAVES_RANGE)
     yield from (extremum.remark for extremum in hidden_extrema(spec, theta, tested.levels))
+    if between := open_between_commands(spec, theta, tested):
+        yield between
 
 
 def rms(values: Sequence[float] | Floats) -> float:

@@ -445,9 +445,7 @@ class SuiteCheck(Plotted, Summarised):
     @property
     def in_words(self) -> tuple[str, ...]:
         """Sentences: how the mean spectrum lies beside the target, what is wrong, and how responses count."""
-        told = [
-            f"{each.message[:1].upper()}{each.message[1:]}." for each in (*self.shortcomings, *self._counting)
-        ]
+        told = [each.as_sentence for each in (*self.shortcomings, *self._counting)]
         return self._mean_in_words, *told
 
     @property

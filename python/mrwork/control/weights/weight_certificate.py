@@ -267,7 +267,7 @@ class DesignedWeights(Summarised):
     @property
     def in_words(self) -> tuple[str, ...]:
         """Sentences on what can be reached, what binds, remarks; where a study asked, on ground and budget first."""
-        remarks = (f"{remark.message[:1].upper()}{remark.message[1:]}." for remark in self.remarks)
+        remarks = (remark.as_sentence for remark in self.remarks)
         return (*self._origin_in_words, *self._reached_in_words, *remarks)
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from mrwork.base.numbers import format_fixed
 from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import list_names
+from mrwork.dampers.between_commands import LAWS_OPEN
 from mrwork.identification.fit import STATUS_IN_WORDS, Fit, FitSpread
 from mrwork.identification.interval import FINE
 from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
@@ -130,6 +131,7 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
         panels=(*_loops(evidence, unit, height=height), *_law_panels(fit, height)),
         cautions=(
             f"Not beyond the tested ranges: {fit.tested.in_words}.",
+            *(remark.as_sentence for remark in fit.remarks if remark.code == LAWS_OPEN.code),
             *first_sentences(cautions, _CAUTIONS),
         ),
         advice=_advice(run),

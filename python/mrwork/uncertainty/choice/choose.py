@@ -105,8 +105,9 @@ def _refuse_few_commands(
 class Choice(WithAxes, Summarised):
     """The ranking of candidates, and the fits to all tests of those that could be identified, in the same order.
 
-    Of laws only the chosen ones are fitted to the whole tests; the fit has up to four `others`, sets of laws that
-    predict nearly as well, within 1 point, those that differ most beyond the tests, best predictions first.
+    Of laws only the chosen ones are fitted to the whole tests; the fit has up to six `others`, sets of laws that
+    predict nearly as well, within 1 point: four that differ most beyond the tests, best predictions first, and two that
+    differ most between the tested commands.
     """
 
     ranking: Ranking

@@ -136,7 +136,7 @@ class Folds:
         """
         every = np.arange(len(self.shares))
         from_spec, from_box = simple or (spec, box)
-        starts, own_effects = self._from_samples(from_spec, from_box, every)
+        starts, own_effects = self.from_samples(from_spec, from_box, every)
         if simple:
             minima = self._descend(from_spec, from_box, np.hstack([starts, own_effects]), self.shares)
             starts, own_effects = np.split(minima.theta, [starts.shape[1]], axis=1)
@@ -162,7 +162,7 @@ class Folds:
         theta, failed = minima.theta, ~np.isfinite(minima.misfit[1:])
         if failed.any() and not failed.all():
             rows = every[1:][failed]
-            again = np.hstack(self._from_samples(spec, box, rows))
+            again = np.hstack(self.from_samples(spec, box, rows))
             theta[rows] = self._descend(spec, box, again, self.shares[rows]).theta
         (squared,) = self.excerpts.with_laws(spec).squared_nrmse(theta[:1])
         n_own = starts.shape[1]
@@ -180,11 +180,13 @@ class Folds:
         n_own = fit.theta.shape[1]
         return FoldedFit(theta=theta[:, :n_own], effects=theta[:, n_own:], squared=squared)
 
-    def _from_samples(self, spec: DamperSpec, box: Box, rows: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    def from_samples(
+        self, spec: DamperSpec, box: Box, rows: NDArray[np.intp], *, go_on: int = _GO_ON
+    ) -> tuple[Floats, Floats]:
         """Starts of rows without a split, parameters (n_rows, n_params) and effects, from samples for each.
 
         Samples of the ranges that suit the tests that remain have constant laws, and forces at the best fit to these.
-        Local minimisations from the best of them, at first below the limit of stiffness, decide.
+        Local minimisations from the best of them, of which so many go on, below the limit of stiffness, decide.
         """
         wide, plain = box_with_free(box, self.effects), spec.without_laws
         within = Box.of(plain).with_bounds(bounds_of(box, plain.names))
@@ -202,14 +204,14 @@ class Folds:
             # The best ones, and some of the others, which follow.
             taken = np.linspace(0, len(drawn) - 1, _STARTS // 2).round().astype(int)
             starts[place] = drawn[np.concatenate([np.arange(_STARTS - taken.size) % len(drawn), taken])]
-        for go_on, options in (
+        for count, options in (
             (_STARTS, (_FIRST_ITERATIONS, _FIRST_TOLERANCE)),
-            (_GO_ON, (_ITERATIONS, _TOLERANCE)),
+            (go_on, (_ITERATIONS, _TOLERANCE)),
         ):
-            flat = starts[:, :go_on].reshape(-1, len(wide.names))
-            minima = self._descend(spec, box, flat, np.repeat(shares, go_on, axis=0), *options, is_low=True)
-            order = np.argsort(minima.misfit.reshape(len(rows), go_on), axis=1, kind="stable")
-            starts = np.take_along_axis(minima.theta.reshape(len(rows), go_on, -1), order[..., None], axis=1)
+            flat = starts[:, :count].reshape(-1, len(wide.names))
+            minima = self._descend(spec, box, flat, np.repeat(shares, count, axis=0), *options, is_low=True)
+            order = np.argsort(minima.misfit.reshape(len(rows), count), axis=1, kind="stable")
+            starts = np.take_along_axis(minima.theta.reshape(len(rows), count, -1), order[..., None], axis=1)
         n_own = len(box.names)
         return starts[:, 0, :n_own], starts[:, 0, n_own:]
 

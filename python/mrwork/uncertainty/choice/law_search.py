@@ -17,6 +17,7 @@ import numpy as np
 from mrwork.base.numbers import counted
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
+from mrwork.dampers.between_commands import least_curved
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import (
     CONSTANT,
@@ -28,7 +29,7 @@ from mrwork.dampers.laws import (
     law_through,
 )
 from mrwork.dampers.parameters import Lag, ParamSpec, Scale
-from mrwork.dampers.spec import DamperSpec, least_curved, with_changed_laws
+from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws

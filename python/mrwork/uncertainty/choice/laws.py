@@ -21,7 +21,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
 from mrwork.dampers.laws import CURVE_FORMS, LawName, law_of
 from mrwork.dampers.parameters import DRIVER_RATE
-from mrwork.dampers.simulation import simulate_forces
+from mrwork.dampers.simulation import Loading, simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.batch import JournalOf, with_journal
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
@@ -40,9 +40,10 @@ from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.choice.screening import compared_models
 
-# Most sets of laws beside the chosen one that are kept with it, and by how much the forces of any two differ at least,
-# per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
-_MOST_OTHERS = 4
+# Most sets of laws beside the chosen one that are kept with it, most that differ from it between the tested commands
+# alone, and by how much the forces of any two differ at least, per standard deviation of the tests, under motions of
+# the tests that are enlarged by a factor.
+_MOST_OTHERS, _MOST_FORMS = 4, 2
 _LEAST_APART = 0.001
 _BEYOND = 1.4
 _NO_LAG = RemarkKind("lag_not_shown", "{0} shows no lag of the driver, which is left out of its laws")
@@ -201,8 +202,8 @@ class _ChoosingLaws(Choosing):
     def _choose_others(self, ranking: Ranking) -> list[tuple[LawSearch, FittedLaws]]:
         """Of the sets that predict nearly as well, those whose forces differ most beyond the tests, best first.
 
-        They are compared under the fastest motion at each command, enlarged, and halfway to the next command. Among
-        them are the laws of the chosen one through the same values in other forms, which no test tells apart.
+        They are compared under the fastest motion at each command, enlarged. Then come laws of the chosen one through
+        the same values in other forms, which no test tells apart, by the fastest motion halfway to the next command.
         """
         chosen = ranking.chosen_standing
         near = [
@@ -212,24 +213,15 @@ class _ChoosingLaws(Choosing):
             and 100.0 * (standing.error - chosen.error) <= NEARLY_AS_WELL
         ]
         first, *others = (self._fitted(neighbour) for neighbour in (chosen, *near))
-        sets, rows = list[tuple[LawSearch, FittedLaws]](), list[Floats]()
-        for search, laws in (first, *self._other_forms(*first), *others):
-            fastest = fastest_at_commands(laws.spec, search.tests)
-            test, loading = max(fastest, key=lambda pair: float(np.abs(pair[0].velocity).max()))
-            between = 0.5 * (search.commands[:-1] + search.commands[1:])
-            motions = [*fastest, *((test, replace(loading, command=command)) for command in between.tolist())]
-            forces = []
-            for test, loading in motions:
-                beyond = replace(
-                    loading, displacement=_BEYOND * test.displacement, velocity=_BEYOND * test.velocity
-                )
-                run = simulate_forces(laws.spec, laws.fit.theta[:1], beyond.history())
-                forces.append(run.force[0] / np.std(test.force))
-            row = np.concatenate(forces)
-            if np.isfinite(row).all() or not sets:
-                sets.append((search, laws))
-                rows.append(np.nan_to_num(row))
-        return [sets[index] for index in sorted(farthest_apart(np.array(rows), _MOST_OTHERS, _LEAST_APART))]
+        search, laws = first
+        fastest = fastest_at_commands(laws.spec, search.tests)
+        test, loading = max(fastest, key=lambda pair: float(np.abs(pair[0].velocity).max()))
+        between = 0.5 * (search.commands[:-1] + search.commands[1:])
+        halfway = [(test, replace(loading, command=command)) for command in between.tolist()]
+        return [
+            *_farthest_apart([first, *others], fastest, _MOST_OTHERS),
+            *_farthest_apart([first, *self._other_forms(*first)], halfway, _MOST_FORMS),
+        ]
 
     def _other_forms(self, search: LawSearch, chosen: FittedLaws) -> list[tuple[LawSearch, FittedLaws]]:
         """The chosen laws all in one form, but for those that die in it; empty where there is no other form."""
@@ -273,6 +265,26 @@ class _ChoosingLaws(Choosing):
         self.tell(search.name, task, *tried, within=within, numbers=numbers)
 
 
+def _farthest_apart(
+    sets: Sequence[tuple[LawSearch, FittedLaws]], motions: Sequence[tuple[DamperTest, Loading]], most: int
+) -> list[tuple[LawSearch, FittedLaws]]:
+    """Of the sets but the first those whose forces differ most from it and each other under enlarged motions."""
+    rows, finite = list[Floats](), list[tuple[LawSearch, FittedLaws]]()
+    for search, laws in sets:
+        forces = []
+        for test, loading in motions:
+            beyond = replace(
+                loading, displacement=_BEYOND * test.displacement, velocity=_BEYOND * test.velocity
+            )
+            run = simulate_forces(laws.spec, laws.fit.theta[:1], beyond.history())
+            forces.append(run.force[0] / np.std(test.force))
+        row = np.concatenate(forces)
+        if np.isfinite(row).all() or not rows:
+            rows.append(np.nan_to_num(row))
+            finite.append((search, laws))
+    return [finite[index] for index in sorted(farthest_apart(np.array(rows), most, _LEAST_APART))]
+
+
 @checked
 @on_one_blas_thread
 def choose_laws(
@@ -298,7 +310,8 @@ def choose_laws(
     out. Laws that vanish within the tested commands are not chosen while others are left. Of all that are as good as
     the best within one standard error, those with the fewest parameters are chosen, first of those that are not costly
     in a building, and fitted to the whole tests. Up to four others, which predict at most 1 point worse and differ most
-    beyond the tests, are kept as they were fitted to cycles from the middle. The laws of several models stand in one
+    beyond the tests, are kept as they were fitted to cycles from the middle, and up to two that differ from the chosen
+    laws between the tested commands alone. The laws of several models stand in one
     ranking and are judged alike; a model that cannot be fitted is a row of it.
 
     Parameters

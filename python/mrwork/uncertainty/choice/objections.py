@@ -9,9 +9,10 @@ import numpy as np
 
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
+from mrwork.dampers.between_commands import hidden_extrema
 from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
-from mrwork.dampers.spec import LAW_LEAVES_RANGE, DamperSpec, LawLimit, hidden_extrema, law_limits
+from mrwork.dampers.spec import LAW_LEAVES_RANGE, DamperSpec, LawLimit, law_limits
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of, range_of_tests

@@ -17,23 +17,22 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Measured, Remark, RemarkKind
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import ALL, DEFAULT_MODELS, SCREENED, DamperSpec, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.identification.batch import JournalOf, with_journal
-from mrwork.identification.equivalent import identifiable_form, search_box, widened
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.minimise.level_search import unlike_tests
-from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.race import draw_samples
-from mrwork.identification.objective import Objective, friction_limit, up_to
-from mrwork.identification.settings import FitSettings, Race
+from mrwork.identification.objective import Objective
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, set_points
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import groups_of, halves
+from mrwork.uncertainty.choice.folds import Folds
 from mrwork.uncertainty.choice.ranking import Standing, rank
 from mrwork.uncertainty.choice.splits import Split, Splits, splits_of
 
@@ -50,11 +49,9 @@ _BETTER_FAMILY = RemarkKind(
     "to fit it add --model {2}",
 )
 _SAME_MODEL = RemarkKind("model_not_listed", "{0} is not listed: it is {1} in other parameters")
-# Most tests of a command, those on which starting points are drawn, and cycles of an excerpt.
-_PER_COMMAND, _DRAWN_ON, _CYCLES = 6, 2, 2
-# Starts at each command, and of each fit without a split there; most iterations, and the decrease of the squared misfit
-# that ends a fit.
-_STARTS, _STARTS_OF_SPLIT, _ITERATIONS, _TOLERANCE = 8, 3, 16, 1e-4
+# Most tests of a command, and cycles of an excerpt.
+_PER_COMMAND, _CYCLES = 6, 2
+# Starts of each fit, of which the best one goes on.
 
 
 @array_dataclass()
@@ -102,43 +99,27 @@ class Screening:
 
     def standing(self, spec: DamperSpec) -> Standing:
         """A family by its predictions of the tests left out, with its cost in a building at the highest command."""
-        box = Box.of(spec)
         objective = Objective.of(spec, self.excerpts, self.settings, threads=self.threads)
-        objective = up_to(objective, min(friction_limit(self.excerpts), objective.stiffest))
-
         left_out = self.splits.left_out
         # At each command a fit to its tests, and one without each split, which predicts what is left out there.
         fitted, predicted = self.at_level[:, None] & ~left_out, self.at_level[:, None] & left_out
         pairs = fitted.any(axis=2) & predicted.any(axis=2)
         rows = np.concatenate([self.at_level, fitted[pairs]])
-        counts = np.repeat([_STARTS, _STARTS_OF_SPLIT], [len(self.at_level), len(rows) - len(self.at_level)])
-        starts = list[Floats]()
-        for included, count in zip(rows, counts.tolist(), strict=True):
-            tests = [self.excerpts[index] for index in np.flatnonzero(included)]
-            few = objective.on(spec, unlike_tests(tests, _DRAWN_ON))
-            wide = widened(search_box(spec, box, few.tests), box)
-            drawn = draw_samples(few, box, wide, Race(), rng=self.settings.rng, number=0)
-            if not len(drawn):
-                return Standing.of(spec, reason="it could not be simulated")
-            starts.append(drawn[np.arange(count) % len(drawn)])
-        shares = rows / rows.sum(axis=1, keepdims=True)
-        minima = find_minima(
-            objective,
-            box,
-            np.concatenate(starts),
-            max_iterations=_ITERATIONS,
-            tolerance=_TOLERANCE,
-            shares=np.repeat(shares, counts, axis=0),
+        folds = Folds(
+            whole=objective,
+            excerpts=objective,
+            shares=rows / rows.sum(axis=1, keepdims=True),
+            commands=np.zeros(1),
+            remaining=(),
+            splits=self.splits,
+            unit="A",
         )
-        ends = np.cumsum(counts)
-        best = [
-            first + int(np.argmin(minima.misfit[first:last]))
-            for first, last in zip(ends - counts, ends, strict=True)
-        ]
-        theta = minima.theta[best]
+        theta, _ = folds.from_samples(spec, Box.of(spec), np.arange(len(rows)), go_on=1)
         tests = [self.excerpts[index] for index in np.flatnonzero(self.at_level[-1])]
         squared = np.full(fitted.shape, np.inf)
         squared[pairs] = objective.squared_nrmse(theta[len(self.at_level) :], predicted[pairs])
+        if not np.isfinite(squared).any():
+            return Standing.of(spec, reason="it could not be simulated")
         nrmse = np.sqrt(squared.min(axis=0))
         errors = [nrmse[number, members] for number, members in enumerate(self.splits.members)]
         row = Standing.of(spec).scored(errors, self.splits, spec, theta[len(self.at_level) - 1], tests)
@@ -212,7 +193,9 @@ def screen_families(
     good = [
         row
         for row in ranked
-        if row.is_chosen or row.verdict == "as good" or 100.0 * (row.error - ranked[0].error) < _CLOSE
+        if row.is_chosen
+        or row.verdict == "as good"
+        or (row.has_predicted and 100.0 * (row.error - ranked[0].error) < _CLOSE)
     ]
     kept = list[Standing]()
     for row in sorted(good, key=attrgetter("is_costly", "n_params", "error")):
