@@ -71,22 +71,26 @@ def test_no_set_has_as_many_values_as_there_are_commands_where_commands_are_left
     assert max(law_of(law).n_coefficients for law in laws) == 3
 
 
+@pytest.mark.parametrize("place", ["chosen", "last"])
 @pytest.mark.parametrize("which", ["choice", "without_commands"])
 def test_left_out_numbers_are_those_of_a_refit_from_scratch(
-    which: str, tests: tuple[DamperTest, ...], request: pytest.FixtureRequest
+    which: str, place: str, tests: tuple[DamperTest, ...], request: pytest.FixtureRequest
 ) -> None:
     ranking = request.getfixturevalue(which).ranking
-    chosen = ranking.chosen_standing
-    plain = mr.damper(chosen.model).with_current_laws({}, unit="A")
-    spec = with_laws_at(plain, chosen.laws, tests)
-    held = {name: (value, value) for name, value in chosen.held.items()}
+    row = ranking.chosen_standing if place == "chosen" else ranking.standings[-1]
+    plain = mr.damper(row.model).with_current_laws({}, unit="A")
+    spec = with_laws_at(plain, row.laws, tests)
+    held = {name: (value, value) for name, value in row.held.items()}
     settings = replace(SETTINGS, bounds={**SETTINGS.bounds, **held})
     assert ranking.tests == tuple(test.name for test in tests)
-    for split, predicted in zip(ranking.splits, chosen.predicted, strict=True):
+    for split, predicted in zip(ranking.splits, row.predicted, strict=True):
+        if None in predicted:
+            continue
         rest = [test for index, test in enumerate(tests) if index not in split.members]
         fit = mr.identify(spec, rest, bounds=settings.bounds, rng=7, threads=1)
         for index, error in zip(split.members, predicted, strict=True):
-            assert error == pytest.approx(mr.predict(fit, tests[index]).nrmse, abs=5e-4)
+            # A test that is predicted worse than by its mean is not predicted.
+            assert error == pytest.approx(min(mr.predict(fit, tests[index]).nrmse, 1.0), abs=5e-4)
 
 
 def test_a_set_that_the_other_commands_leave_open_has_no_number_between_them(choice: Choice) -> None:

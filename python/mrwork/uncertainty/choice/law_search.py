@@ -101,8 +101,6 @@ _FEW_RECORDS = 3
 _ALIVE = 10.0
 # Most sets that are tried at the end because they are simpler than the one that would be chosen.
 _MOST_SIMPLER = 10
-# Times that the best and the chosen set are fitted to the whole tests, which may change which these are.
-_MOST_REFINED = 4
 # Times that neighbours of a set are tried while a set that something speaks against predicts better.
 _EXPANDED = 4
 # Coefficients of a law that saturates: two values and a rate.
@@ -123,7 +121,6 @@ class FittedLaws:
     laws: LawSet
     fit: FoldedFit
     row: Standing
-    is_refined: bool = False
 
     @property
     def start(self) -> Start:
@@ -242,10 +239,7 @@ class LawSearch:
             if proposals := self._proposals(current):
                 self._move_to(current, *proposals)
         self._simplify()
-        for _ in range(_MOST_REFINED):
-            rough = [fitted for fitted in self.frontier()[:2] if not fitted.is_refined]
-            for fitted in dict.fromkeys(rough):
-                self._refine(fitted)
+        self._refine()
         # Of a law that no test tells from others through the same values, the least curved one without an extremum.
         for number, fitted in enumerate(self.fitted):
             best = least_curved(fitted.spec, fitted.fit.theta[0], self.commands.tolist())
@@ -480,9 +474,7 @@ class LawSearch:
             fits.append(self.call.step("laws", FoldedFit, work, box, *inputs))
         self.fitted += self._judged(proposals, fits)
 
-    def _judged(
-        self, proposals: Sequence[LawSet], fits: Sequence[FoldedFit], *, is_refined: bool = False
-    ) -> list[FittedLaws]:
+    def _judged(self, proposals: Sequence[LawSet], fits: Sequence[FoldedFit]) -> list[FittedLaws]:
         """Sets of laws with their fits, and the rows of the ranking by what these predict."""
         models = [self.model(laws) for laws in proposals]
         boxes = [box for _, box in models]
@@ -503,16 +495,18 @@ class LawSearch:
                 fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(each.squared))), NOT_PREDICTED)),
             )
             row = row.scored(np.split(nrmse, ends), self.folds.splits, spec, each.theta[0], self.tests)
-            judged.append(FittedLaws(spec=spec, box=box, laws=laws, fit=each, row=row, is_refined=is_refined))
+            judged.append(FittedLaws(spec=spec, box=box, laws=laws, fit=each, row=row))
         return judged
 
-    def _refine(self, fitted: FittedLaws) -> None:
-        """Fit a set on to the whole tests, so that its errors are those of fits to these."""
-        self.report(f"refining {laws_in_words(dict(fitted.laws.laws))}")
-        work = partial(interruptible, partial(self.folds.refined, fitted.spec, fitted.box, fitted.fit))
-        fit = self.call.step("refined", FoldedFit, work, fitted.box, fitted.fit.theta, fitted.fit.effects)
-        (refined,) = self._judged([fitted.laws], [fit], is_refined=True)
-        self.fitted[self.fitted.index(fitted)] = refined
+    def _refine(self) -> None:
+        """Fit every set on to the whole tests, so that its errors are those of fits to these."""
+        fits = list[FoldedFit]()
+        for fitted in self.fitted:
+            self.report(f"refining {laws_in_words(dict(fitted.laws.laws))}")
+            work = partial(interruptible, partial(self.folds.refined, fitted.spec, fitted.box, fitted.fit))
+            inputs = fitted.fit.theta, fitted.fit.effects
+            fits.append(self.call.step("refined", FoldedFit, work, fitted.box, *inputs))
+        self.fitted = self._judged([fitted.laws for fitted in self.fitted], fits)
 
     def model(self, laws: LawSet) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""

@@ -67,7 +67,7 @@ _RULES_OF_LAWS = (
     "rate. Of forms that no test tells apart the least curved one without an extremum between the tested commands is "
     "taken, straight lines last. Laws are fitted to cycles from the middle of all tests, of a varying command to all "
     "cycles with fewer samples, and to all but those of each split: without a split from samples of its own at first, "
-    "then from its fit of the laws before. The best set and the chosen one are fitted on to the whole tests.",
+    "then from its fit of the laws before. At the end every set is fitted on to the whole tests.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )
