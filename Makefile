@@ -60,6 +60,7 @@ docs: $(VENV)/.built $(VENV)/.docs
 
 # Links within the pages, pictures without words, and what would be fetched from elsewhere.
 docs-check: docs
+	$(BIN)/python docs/quoted.py
 	$(BIN)/python docs/check.py out/docs/html
 	$(BIN)/python docs/searches.py out/docs/html
 
