@@ -12,10 +12,10 @@ from mrwork.cli.output import end_addition, progress_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, add_observation, opened_run, read_tests
 from mrwork.records.observation import Observing
-from mrwork.store.run_folder import CALIBRATION, FOLDS
+from mrwork.store.run_folder import CALIBRATION, FOLDS, RANKING
 from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.calibration_files import StoredBands, cross_validated, write_bands
-from mrwork.uncertainty.bands.prediction import IN_WORDS, UNSEEN, Prediction
+from mrwork.uncertainty.bands.prediction import CHOSEN_WITH_ALL, IN_WORDS, UNSEEN, Prediction
 from mrwork.uncertainty.bands.predictions import predict
 
 
@@ -47,7 +47,9 @@ def run(options: argparse.Namespace) -> int:
             bands = StoredBands.of(predictions, held_out=UNSEEN)
         else:
             (predictions, beyond), remarks = _predict_held_out(options)
-            bands = StoredBands.of(predictions, held_out=IN_WORDS[options.leave_out], beyond=beyond)
+            chosen = CHOSEN_WITH_ALL if (options.run_folder / RANKING).is_file() else ""
+            held_out = f"{IN_WORDS[options.leave_out]}{chosen}"
+            bands = StoredBands.of(predictions, held_out=held_out, beyond=beyond)
         write_bands(options.run_folder, bands)
         below = [f"Written: {options.run_folder / CALIBRATION}"]
         return end_addition(options, bands, {"test_remarks": remarks}, below)

@@ -78,6 +78,19 @@ class CommandedTests:
             )
 
 
+def determines(spec: DamperSpec, commands: Floats, *, varies: bool) -> bool:
+    """Whether tests at these commands, (n_commands,), determine every law and rate; of a rate one command `varies`."""
+    return all(law.is_determined_at(commands) for law in spec.laws) and (varies or not spec.n_rates)
+
+
+def are_determined(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
+    """Whether the commands of tests determine every law of a model and every rate of its driver."""
+    if spec.command_unit is None:
+        return True
+    tested = CommandedTests.of(spec, tests)
+    return determines(spec, tested.commands, varies=tested.vary)
+
+
 def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
     """The parts of the tests on which a model or its laws are searched, and their fit is examined."""
     tests = problem.objective.tests

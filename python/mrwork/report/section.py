@@ -113,7 +113,8 @@ def first_sentences(warnings: Sequence[str], most: int) -> tuple[str, ...]:
     """Warnings as short sentences for the front of a page, which has a section with all of them in full."""
     sentences = []
     for warning in warnings[:most]:
-        shown = re.split("[:;] ", warning)[0] if len(warning) > _LONG else warning
+        # What stands before a colon is a name; what follows a semicolon is the cure.
+        shown = warning.split("; ")[0] if len(warning) > _LONG else warning
         sentences.append(f"{shown[:1].upper()}{shown[1:].removesuffix('.')}.")
     more = len(warnings) - most
     return (*sentences, *([f"{more} more in the section on warnings."] if more > 0 else []))

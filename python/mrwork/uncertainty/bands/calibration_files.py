@@ -18,7 +18,8 @@ from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, freeze_samples
-from mrwork.errors import MrworkError, RecordError, SettingError
+from mrwork.errors import MrworkError, RecordError
+from mrwork.identification.commands import are_determined
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.identification.settings import Fold
@@ -245,7 +246,7 @@ def cross_validated(
     Raises
     ------
     SettingError
-        Where a test cannot be predicted without itself.
+        Where a test cannot be simulated by the fit to the others, or none is predicted.
     """
     # What identifies is slow to load, and reading a run does not need it.
     from mrwork.identification.batch import FitBatch, FitTask
@@ -255,7 +256,11 @@ def cross_validated(
     names = [_name_of_fold(opened.fit, rest) for rest in rests]
     stored = {name: opened.run.read(Fit, name, verb=_VERB) for name in names}
     fits = {name: fit for name, fit in stored.items() if fit is not None}
-    missing = [number for number, name in enumerate(names) if name not in (*fits, *names[:number])]
+    missing = [
+        number
+        for number, name in enumerate(names)
+        if name not in (*fits, *names[:number]) and are_determined(opened.fit.spec, rests[number])
+    ]
     settings, call = opened.fit.settings.again, LongCall[None](on_progress=on_progress)
     if effects := opened.fit.effect_values:
         # What all tests have told of them the others are to tell.
@@ -277,13 +282,14 @@ def cross_validated(
         with nullcontext() if number < len(folds) else suppress(MrworkError):
             fits[names[number]] = batch.fit(task_number)
 
-    def fit_to(rest: tuple[DamperTest, ...]) -> Fit:
-        fit = fits.get(_name_of_fold(opened.fit, rest))
-        if fit is None:
-            raise SettingError("the other tests do not determine the model; give more tests")
-        return fit
+    def fit_to(rest: tuple[DamperTest, ...]) -> Fit | None:
+        return fits.get(_name_of_fold(opened.fit, rest))
 
     return predict_left_out(opened.tests, leave_out, fit_to), predict_beyond(opened.tests, fit_to)
+
+
+# Number of the way in which folds are fitted: fits of another way are made again.
+_FOLDS_OF = 2
 
 
 def _name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
@@ -294,4 +300,4 @@ def _name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         )
         for test in tests
     ]
-    return f"{FOLDS}/{digest_of(fit.model, fit.theta, seen)[:16]}.json"
+    return f"{FOLDS}/{digest_of(_FOLDS_OF, fit.model, fit.theta, seen)[:16]}.json"

@@ -6,18 +6,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from typing import ClassVar
+from warnings import warn
 
 import numpy as np
 
 from mrwork.base.arguments import Count, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.plotted import Plotted
-from mrwork.base.remark import Remark, RemarkKind
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.remark import Measured, Remark, RemarkKind
+from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.tested_range import Outside, half_cycle_ends
-from mrwork.errors import MrworkError, SettingError, SimulationError
+from mrwork.errors import MrworkError, MrworkWarning, SettingError, SimulationError
+from mrwork.identification.commands import are_determined
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import explain_failures, fit_quality, free_run, rms
@@ -34,6 +36,7 @@ IN_WORDS: dict[Fold, str] = {
     "command": "each predicted without the tests at its command",
 }
 
+CHOSEN_WITH_ALL = ", by the model and the laws that all tests chose"
 UNSEEN = "the fit has not seen"
 LATER_CYCLES = "later cycles of one test, fitted on the earlier ones"
 ONE_TEST = RemarkKind(
@@ -43,8 +46,8 @@ ONE_TEST = RemarkKind(
     "give tests at other motions",
 )
 
-# Identifies the damper from tests.
-IdentifyRest = Callable[[tuple[DamperTest, ...]], Fit]
+# Identifies the damper from tests; `None` where they leave it open.
+IdentifyRest = Callable[[tuple[DamperTest, ...]], Fit | None]
 
 # Strokes and cycle lengths of one motion differ by less than this share: rigs repeat them to a few per cent.
 _SAME_MOTION = 0.15
@@ -54,6 +57,12 @@ _REACH = 0.02
 _OF_EXTREME = ((1.4, 0.5), (1.1, 0.0))
 # Frequency of a test without a whole cycle [Hz].
 _LOWEST = 1e-3
+_LEFT_OPEN = RemarkKind(
+    "left_open",
+    "{value:.0f} of the tests left out are not predicted, as the others leave a law or a rate of the driver open: "
+    "{0}",
+    "add tests at other commands, of a rate such with a command that varies",
+)
 _LEFT_OUT_TOGETHER = RemarkKind("tests_alike", "left out together, as they are alike: {0}")
 
 
@@ -254,21 +263,32 @@ def predict_left_out(
 ) -> tuple[Prediction, ...]:
     """Leave out the tests of each fold in turn, identify from the others, and predict those left out, in their order.
 
+    A test is not predicted where the commands of the others leave a law or the rate of the driver open.
+
     Parameters
     ----------
     identify_rest
-        Identifies from tests. It must not use the ones left out, nor start from a fit to them.
+        Identifies from tests, `None` where these leave the damper open. It must not use the ones left out, nor start
+        from a fit to them.
 
     Raises
     ------
     SettingError
-        Where there are fewer than two folds, or a test cannot be simulated by the fit to the others.
+        Where there are fewer than two folds, a test cannot be simulated by the fit to the others, or none is predicted.
+
+    Warns
+    -----
+    MrworkWarning
+        Where tests are not predicted.
     """
     folds = folds_of(tests, fold)
     predictions: dict[int, Prediction] = {}
-    failures = []
+    failures, left_open = list[str](), list[str]()
     for members, rest in zip(folds, rests_of(tests, folds), strict=True):
         fit = identify_rest(rest)
+        if fit is None or not are_determined(fit.spec, rest):
+            left_open += [tests[index].name for index in members]
+            continue
         for index in members:
             try:
                 predictions[index] = predict_test(fit, tests[index])
@@ -279,7 +299,12 @@ def predict_left_out(
             f"{len(failures)} of {len(tests)} tests cannot be predicted without themselves, first: {failures[0]}; "
             "leave out less at a time"
         )
-    return tuple(predictions[index] for index in range(len(tests)))
+    if left_open:
+        open_remark = _LEFT_OPEN.remark(list_names(left_open), measured=Measured(len(left_open), ""))
+        if not predictions:
+            raise SettingError(open_remark.message)
+        warn(open_remark.message, MrworkWarning, stacklevel=4)
+    return tuple(predictions[index] for index in sorted(predictions))
 
 
 def extremes_of(tests: Sequence[DamperTest]) -> list[list[int]]:
@@ -312,7 +337,8 @@ def predict_beyond(tests: Sequence[DamperTest], identify_rest: IdentifyRest) -> 
     for members, rest in zip(groups, rests_of(tests, groups), strict=True):
         with suppress(MrworkError):
             fit = identify_rest(rest)
-            predictions += [predict_test(fit, tests[index]) for index in members]
+            if fit is not None and are_determined(fit.spec, rest):
+                predictions += [predict_test(fit, tests[index]) for index in members]
     return tuple(predictions)
 
 

@@ -17,7 +17,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, by_parameter
-from mrwork.identification.commands import CommandedTests
+from mrwork.identification.commands import CommandedTests, determines
 from mrwork.identification.equivalent import bounds_of, fitted_laws, search_box, widened, with_other_laws
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.minimise.race import draw_samples
@@ -115,12 +115,12 @@ class Folds:
 
     def determines(self, spec: DamperSpec) -> NDArray[np.bool_]:
         """Whether the commands of the tests without each split determine every law and rate, (n_splits,)."""
-        varies = np.array([test.has_varying_command for test in self.excerpts.tests])
-        laws = [all(law.is_determined_at(commands) for law in spec.laws) for commands in self.remaining]
-        # A command that is constant in every test shows no rate of the driver.
-        return np.array(laws, dtype=np.bool_) & (
-            not spec.n_rates or (self.shares[1:, varies] > 0.0).any(axis=1)
-        )
+        varying = np.array([test.has_varying_command for test in self.excerpts.tests])
+        found = [
+            determines(spec, commands, varies=bool((row[varying] > 0.0).any()))
+            for commands, row in zip(self.remaining, self.shares[1:], strict=True)
+        ]
+        return np.array(found, dtype=np.bool_)
 
     def first_fit(
         self,

@@ -239,7 +239,9 @@ class LawSearch:
             if proposals := self._proposals(current):
                 self._move_to(current, *proposals)
         self._simplify()
-        self._refine()
+        # What the best and the chosen set are on the whole tests may change which these are.
+        while rough := [fitted for fitted in self.frontier()[:2] if fitted.row.of_excerpts]:
+            self._refine(rough[0])
         # Of a law that no test tells from others through the same values, the least curved one without an extremum.
         for number, fitted in enumerate(self.fitted):
             best = least_curved(fitted.spec, fitted.fit.theta[0], self.commands.tolist())
@@ -317,7 +319,8 @@ class LawSearch:
 
     def frontier(self) -> list[FittedLaws]:
         """Sets of laws whose neighbours are tried: the best, the one that would be chosen, and further good ones."""
-        sound = [fitted for fitted in self.fitted if not fitted.row.remarks] or self.fitted
+        distinct = self.distinct()
+        sound = [fitted for fitted in distinct if not fitted.row.remarks] or distinct
         order = sorted(sound, key=lambda fitted: fitted.row.error)
         rows, _, chosen = choose_from([fitted.row for fitted in order])
         good = [fitted for fitted in order if fitted.row in rows]
@@ -474,7 +477,9 @@ class LawSearch:
             fits.append(self.call.step("laws", FoldedFit, work, box, *inputs))
         self.fitted += self._judged(proposals, fits)
 
-    def _judged(self, proposals: Sequence[LawSet], fits: Sequence[FoldedFit]) -> list[FittedLaws]:
+    def _judged(
+        self, proposals: Sequence[LawSet], fits: Sequence[FoldedFit], *, of_excerpts: bool = True
+    ) -> list[FittedLaws]:
         """Sets of laws with their fits, and the rows of the ranking by what these predict."""
         models = [self.model(laws) for laws in proposals]
         boxes = [box for _, box in models]
@@ -492,21 +497,20 @@ class LawSearch:
                 laws=self._texts(laws),
                 held=dict(laws.held),
                 n_params=len(box.free),
+                of_excerpts=of_excerpts,
                 fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(each.squared))), NOT_PREDICTED)),
             )
             row = row.scored(np.split(nrmse, ends), self.folds.splits, spec, each.theta[0], self.tests)
             judged.append(FittedLaws(spec=spec, box=box, laws=laws, fit=each, row=row))
         return judged
 
-    def _refine(self) -> None:
-        """Fit every set on to the whole tests, so that its errors are those of fits to these."""
-        fits = list[FoldedFit]()
-        for fitted in self.fitted:
-            self.report(f"refining {laws_in_words(dict(fitted.laws.laws))}")
-            work = partial(interruptible, partial(self.folds.refined, fitted.spec, fitted.box, fitted.fit))
-            inputs = fitted.fit.theta, fitted.fit.effects
-            fits.append(self.call.step("refined", FoldedFit, work, fitted.box, *inputs))
-        self.fitted = self._judged([fitted.laws for fitted in self.fitted], fits)
+    def _refine(self, fitted: FittedLaws) -> None:
+        """Fit a set on to the whole tests, so that its errors are those of fits to these."""
+        self.report(f"refining {laws_in_words(dict(fitted.laws.laws))}")
+        work = partial(interruptible, partial(self.folds.refined, fitted.spec, fitted.box, fitted.fit))
+        fit = self.call.step("refined", FoldedFit, work, fitted.box, fitted.fit.theta, fitted.fit.effects)
+        (refined,) = self._judged([fitted.laws], [fit], of_excerpts=False)
+        self.fitted[self.fitted.index(fitted)] = refined
 
     def model(self, laws: LawSet) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""

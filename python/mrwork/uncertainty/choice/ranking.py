@@ -54,6 +54,8 @@ _RULES = (
     "candidate is not chosen while others are left.",
     "Provisional: the candidate that would be chosen, while one that could not predict a test has less than "
     f"{_PROVISIONAL:g} of its error on all tests. None is chosen then.",
+    "The left-out fit of the chosen candidate is optimistic, because it was chosen by it, and all tests decide which "
+    "effects on the force and which rates of the driver are fitted; tests that were not given measure it without bias.",
 )
 _RULE_OF_COLLAPSE = (
     "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
@@ -67,9 +69,8 @@ _RULES_OF_LAWS = (
     "rate. Of forms that no test tells apart the least curved one without an extremum between the tested commands is "
     "taken, straight lines last. Laws are fitted to cycles from the middle of all tests, of a varying command to all "
     "cycles with fewer samples, and to all but those of each split: without a split from samples of its own at first, "
-    "then from its fit of the laws before. At the end every set is fitted on to the whole tests.",
-    "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
-    "measure it without bias.",
+    "then from its fit of the laws before. The best set and the chosen one are fitted on to the whole tests; numbers "
+    "of the others are of fits to these cycles.",
 )
 
 Place = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed", "goes on"]
@@ -82,7 +83,8 @@ class Standing:
     `laws` are without constant ones. `left_out` has the error (NRMSE) of each unit left out, empty where the
     candidate failed, for the `reason`; `median_percent` and `worst_percent` are of single tests, of which
     `not_predicted` could not be simulated. `steps` are of a sample in a building, `None` where too many. The
-    `remarks` speak against a choice. A collapsed candidate, which has the fit of `same_as`, may be ahead.
+    `remarks` speak against a choice. A collapsed candidate, which has the fit of `same_as`, may be ahead. Numbers
+    `of_excerpts` are of fits to some cycles of each test.
     """
 
     model: str
@@ -112,6 +114,7 @@ class Standing:
     between_percent: float | None = None
     held: dict[str, float] = field(default_factory=dict)
     predicted: tuple[tuple[float | None, ...], ...] = ()
+    of_excerpts: bool = False
 
     @classmethod
     def of(cls, model: DamperSpec, *, reason: str = "") -> Standing:
