@@ -66,7 +66,7 @@ def damper_source(
     names = c_names([parameter.name for parameter in spec.parameters])
     laws = [str(law) for law in spec.laws]
     text = _rust.damper_text(
-        spec.name,
+        spec.core_name,
         [f"parameters->{each}" for each in names],
         sample_time / substeps,
         laws,
@@ -217,7 +217,7 @@ def _sampled(spec: DamperSpec, theta: Floats, motion: Loading, dt: float, subste
         np.zeros(len(velocity)) if motion.command is None else np.asarray(motion.command, dtype=np.float64)
     )
     force = _rust.straight_forces(
-        spec.name,
+        spec.core_name,
         theta,
         motion.displacement,
         velocity,
