@@ -40,7 +40,6 @@ from .identification.candidates import objective as objective
 from .identification.candidates import sensitivities as sensitivities
 from .identification.candidates import simulate as simulate
 from .identification.fit import Fit as Fit
-from .identification.fit_like import fit_like as fit_like
 from .identification.identify import identify as identify
 from .identification.problem import start_from as start_from
 from .motions.ground_motion import GroundMotion as GroundMotion

@@ -74,9 +74,12 @@ def test_the_spectral_radius_resolves_a_loop() -> None:
     scale = np.abs(resolved).max(axis=1, keepdims=True)
     assert (np.abs(ours.force - resolved) <= 2e-3 * scale).all()
     # Alone or beside others, and with the same steps once more.
-    np.testing.assert_allclose(
-        simulate_forces(own_dampers.loop, theta[5:6], HISTORY).force[0], ours.force[5], rtol=1e-12
-    )
+    for threads in (1, 2):
+        again = simulate_forces(own_dampers.loop, theta, HISTORY, threads=threads)
+        np.testing.assert_array_equal(again.force, ours.force)
+    for row in range(len(theta)):
+        alone = simulate_forces(own_dampers.loop, theta[row : row + 1], HISTORY).force[0]
+        np.testing.assert_array_equal(alone, ours.force[row])
     finer = simulate_forces(own_dampers.loop, theta[:2], HISTORY, substep_factor=2)
     assert (finer.substeps == 2 * ours.substeps[:2]).all()
 

@@ -345,8 +345,7 @@ class _Recorder:
         if bad:
             raise SettingError(
                 f"{self._where} is a number at rest, and its derivative by {list_names([*bad])} is none, which fits "
-                "need; a power of a signal that may be zero is mrwork.twins.power(np.abs(z), n), and a root wants a "
-                "small number beside what is below it"
+                "need; a root, and a power below 1, want a small number beside what is below them"
             )
 
     def _compare(self, formula: _Formula) -> None:
