@@ -1,7 +1,9 @@
 """Dampers of users in batches: those that are models of the package written again have their forces."""
 
+from functools import partial
 from typing import Any
 
+import jax
 import numpy as np
 import own_dampers
 import pytest
@@ -108,3 +110,16 @@ def test_a_corner_that_is_not_a_number_leaves_its_neighbours_alone() -> None:
     corner = mr.own_damper("corner", parameters={"c": ("N s/m", 1.0, 100.0, 1000.0)}, force=corner_force)
     found = simulate_forces(corner, [[5.0], [50.0]], HISTORY)
     assert list(found.outcome) == [Outcome.DIVERGED, Outcome.FINISHED]
+
+
+def test_states_that_the_core_has_more_room_for_stay_apart() -> None:
+    """Three of them, beside the twin of the same formulas in JAX."""
+    spec = own_dampers.branches
+    found = simulate_sensitivities(spec, candidates(spec, 4), HISTORY)
+    twin, record = mr.jax.twin(spec), mr.jax.twin(spec).record(mr.Loading(dt=0.002, displacement=MOTION))
+    for row, (theta, steps) in enumerate(zip(candidates(spec, 4), found.substeps, strict=True)):
+        force = np.asarray(twin.simulate(theta, record, int(steps)))
+        np.testing.assert_allclose(found.force[row], force, rtol=0.0, atol=1e-12 * np.abs(force).max())
+        slopes = np.asarray(jax.jacfwd(partial(twin.simulate, record=record, substeps=int(steps)))(theta)).T
+        scale = np.abs(slopes).max(axis=1, keepdims=True)
+        assert (np.abs(found.jacobian[row] - slopes) <= 1e-10 * scale).all()

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import own_dampers
 import pytest
 from c_programs import compiled, library, output_of
 from own_models import own_model
@@ -80,9 +81,10 @@ def test_a_printed_damper_has_the_bits_of_the_core(model: str, tmp_path: Path) -
     assert largest_difference(output_of(compiled(tmp_path, source.files))) == 0.0
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", [*MODELS, "three states"])
 def test_a_printed_damper_of_the_user_has_the_bits_of_the_core(model: str, tmp_path: Path) -> None:
-    source = printed("damper", own_model(model), mr.damper(model).nominal)
+    spec = own_dampers.branches if model == "three states" else own_model(model)
+    source = printed("damper", spec, spec.nominal)
     assert largest_difference(output_of(compiled(tmp_path, source.files))) == 0.0
 
 

@@ -52,3 +52,21 @@ static = again(STATIC, "my_static", static_force)
 in_states = {"rate": loop_rate, "states": 1}
 loop = again(LOOP, "my_loop", loop_force, **in_states, spring=("k", "x0"))
 bounded_loop = again(LOOP, "my_bounded_loop", loop_force, **in_states, relaxation=loop_relaxation)
+
+
+def branches_force(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    """f = c v + k (z_1 + z_2 + z_3), three springs in series with dashpots side by side."""
+    return p.c * velocity + p.k * np.sum(state)
+
+
+def branches_rate(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    return velocity - state * np.array([1.0, 4.0, 9.0]) / p.tau
+
+
+branches = mr.own_damper(
+    "my_branches",
+    parameters={"c": ("N s/m", 1, 100, 1e4), "k": ("N/m", 1, 1e4, 1e6), "tau": ("s", 1e-3, 0.1, 10)},
+    force=branches_force,
+    rate=branches_rate,
+    states=3,
+)
