@@ -27,6 +27,7 @@ from .closed_loop.simulate import simulate_loop as simulate_loop
 from .control.laws.control_law import ControlLaw as ControlLaw
 from .control.laws.own_law import own_law as own_law
 from .dampers.coordinates import Box as Box
+from .dampers.own_damper import own_damper as own_damper
 from .dampers.simulation import InstructionSets as InstructionSets
 from .dampers.simulation import Loading as Loading
 from .dampers.simulation import instruction_set as instruction_set
@@ -39,7 +40,6 @@ from .identification.candidates import objective as objective
 from .identification.candidates import sensitivities as sensitivities
 from .identification.candidates import simulate as simulate
 from .identification.fit import Fit as Fit
-from .identification.fit_like import fit_like as fit_like
 from .identification.identify import identify as identify
 from .identification.problem import start_from as start_from
 from .motions.ground_motion import GroundMotion as GroundMotion
@@ -66,7 +66,6 @@ from .study.run import run_study as run_study
 from .study.study import Study as Study
 from .tuning.results import TuningResults as TuningResults
 from .tuning.run import tune as tune
-from .twins.own_damper import own_damper as own_damper
 from .uncertainty.bands.conformal import Calibration as Calibration
 from .uncertainty.bands.conformal import calibrate as calibrate
 from .uncertainty.bands.prediction import Prediction as Prediction

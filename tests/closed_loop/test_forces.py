@@ -8,7 +8,6 @@ from loop_samples import devices, five_storeys, law_with_gains, linear_states, p
 from scipy.integrate import solve_ivp
 
 import mrwork as mr
-from mrwork.closed_loop.own_runs import lacking_in_twin
 from mrwork.motions import GroundMotion, force_motion
 from mrwork.motions.ground_motion import likeness
 
@@ -261,11 +260,6 @@ def test_the_slopes_of_a_linear_law_hold_under_forces() -> None:
     (slopes,) = peaks(gain, variation=vary).slopes
     ends = [peaks(gain + reach * direction).input_energy[0] for reach in (10.0, -10.0)]
     assert slopes["input_energy"][0] == pytest.approx((ends[0] - ends[1]) / 20.0, rel=1e-4)
-
-
-def test_loops_in_jax_say_that_they_have_no_forces() -> None:
-    assert lacking_in_twin(frame(), mr.Hardware(), "", [sweep(), wind()]) == ["forces on floors"]
-    assert lacking_in_twin(frame(), mr.Hardware(), "", [sweep()]) == []
 
 
 def test_processing_keeps_forces_with_their_samples() -> None:

@@ -1,15 +1,14 @@
-"""Loops with dampers of the user: JAX has all results of the core with a registered model of the same equations."""
+"""Loops with dampers of the user: all results of a registered model of the same equations."""
 
 from dataclasses import replace
 
 import numpy as np
 import own_dampers
 import pytest
-from refusals import refusal
 
 import mrwork as mr
 
-# Tolerance for some thousand steps with another order of summation.
+# Tolerance for some thousand steps with other roundings.
 AGREEMENT = 1e-9
 LAG = 190.0
 FRAME = mr.buildings.shear_building(
@@ -125,10 +124,55 @@ def test_dampers_without_states(law: mr.ControlLaw, differential: bool) -> None:
     assert 0.0 < runs[0].mean_current[0, 0] < 2.0
 
 
-def test_slopes_of_dampers_of_the_user_are_refused() -> None:
+def test_slopes_of_a_score_are_those_of_the_model() -> None:
     along = mr.closed_loop.LoopVariation(
-        buildings=(FRAME,), delay=np.zeros(1), seed=np.zeros(1, int), changes=np.ones((1, 4))
+        buildings=(FRAME,), delay=np.zeros(1), seed=np.zeros(1, int), changes=np.ones((1, 5))
     )
-    loop = [device(STATIC[0].with_current_laws(STATIC_LAWS), STATIC_THETA)]
-    law = mr.ControlLaw(name="clipped_optimal", gains={"gain": GAIN})
-    refusal(mr.simulate_loop, FRAME, loop, law, MOTIONS[:1], variation=along, match="has no slopes")
+    slopes = [
+        mr.simulate_loop(
+            FRAME,
+            [device(plain.with_current_laws(STATIC_LAWS), STATIC_THETA)],
+            DIRECT,
+            MOTIONS[:1],
+            variation=along,
+        ).slopes
+        for plain in STATIC
+    ]
+    for own, core in zip(*slopes, strict=True):
+        for name, values in core.items():
+            least = 1e-12 if name == "energy_error" else 0.0
+            np.testing.assert_allclose(own[name], values, rtol=1e-8, atol=least, err_msg=name)
+
+
+NOISY = mr.Hardware(sample_time=1e-3, feedback="observer", acceleration_noise=0.02, force_noise=2.0)
+
+
+MANY_LAWS = {
+    "one that switches on its readings": mr.ControlLaw(name="maximum_energy_dissipation", gains={}),
+    "one of the user": mr.closed_loop.UserLaw(
+        name="brake", command=lambda sample, memory: np.clip(2.0 * np.abs(sample.rate), 0.0, 2.0)
+    ),
+}
+
+
+@pytest.mark.parametrize("law", MANY_LAWS.values(), ids=MANY_LAWS)
+def test_laws_that_jax_has_not_with_an_observer_and_noise(law: mr.ControlLaw) -> None:
+    runs = [
+        mr.simulate_loop(
+            FRAME, [device(plain.with_current_laws(STATIC_LAWS), STATIC_THETA)], law, MOTIONS[:1], NOISY
+        )
+        for plain in STATIC
+    ]
+    agree(*runs)
+    assert 0.0 < runs[0].mean_current[0, 0] < 2.0
+
+
+def test_a_loop_without_a_relaxation_is_resolved_by_its_own_motion() -> None:
+    """Fewer or as many steps as under the bound of the crate, and the same response as with many more."""
+    stiff = [10.0, 10.0, 100.0, 1e-3, 4.0, 8.0, 2e4, 0.8, 1.5, LAG]
+    spec = LOOP[0].with_current_laws(LOOP_LAWS, lag="one_rate")
+    coarse = mr.Hardware(sample_time=5e-3, step=5e-3)
+    found = mr.simulate_loop(FRAME, [device(spec, stiff)], LEVELS, MOTIONS[:1], coarse)
+    finer = mr.simulate_loop(FRAME, [device(spec, stiff)], LEVELS, MOTIONS[:1], coarse, step_factor=8)
+    assert found.steps.min() > 1
+    np.testing.assert_allclose(found.peak_drift, finer.peak_drift, rtol=1e-2)

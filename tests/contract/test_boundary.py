@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import own_dampers
 import pytest
 from damper_samples import sine
 from loop_samples import devices, law_with_gains, plant_with, rd1005, sweep
@@ -71,6 +72,9 @@ def work() -> None:
     mr._rust.straight_forces(spec.name, np.array(spec.nominal), signal, signal, signal, 0.01, 2)
     mr._rust.flops_per_step(spec.name, spec.nominal)
     mr._rust.fma_peak(1, 0.0)
+    of_user = own_dampers.branches
+    formulas = of_user.own.force, of_user.own.rate, of_user.own.relaxation
+    mr._rust.register_damper(of_user.core_name, list(of_user.plain), of_user.n_states, *formulas)
 
 
 def bared(value: Any) -> Any:

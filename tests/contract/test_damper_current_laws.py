@@ -15,8 +15,8 @@ from mrwork.dampers.parameters import DRIVER_RATES
 from mrwork.dampers.simulation import Loading, Outcome, simulate_force, simulate_forces
 from mrwork.store import codec
 from mrwork.twins.models import parameters_at
-from mrwork.twins.own_stepping import simulate
 from mrwork.twins.record_arrays import RecordArrays
+from mrwork.twins.stepping import simulate
 
 LAWS = (
     "linear",

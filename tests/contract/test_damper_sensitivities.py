@@ -13,8 +13,8 @@ from test_damper_twin import OF_STATES
 
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import parameters_at
-from mrwork.twins.own_stepping import simulate
 from mrwork.twins.record_arrays import RecordArrays
+from mrwork.twins.stepping import simulate
 
 MOST_SUBSTEPS = 16
 

@@ -10,8 +10,8 @@ from mrwork import _rust
 from mrwork.dampers import damper_models
 from mrwork.dampers.simulation import Loading, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import twin_of
-from mrwork.twins.own_stepping import simulate
 from mrwork.twins.record_arrays import RecordArrays
+from mrwork.twins.stepping import simulate
 
 # Sub-steps beyond this only make the twin slow, they exercise no other line of it.
 SUBSTEPS_TO_COMPARE = 32

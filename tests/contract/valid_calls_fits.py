@@ -64,7 +64,6 @@ def identification_calls(_: Path) -> Calls:
     yield from calls_with(values | weighed | huber | {"tests": (test,)}, mr.objective)
     yield call(Race, samples=2, starts=1, population=5, generations=2, most_rounds=1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
-    yield call(mr.fit_like, fit=fit, model="bingham", rng=1, threads=1)
     asked = {"test": test, "force": test.force}
     yield from calls_with(asked, fit.observed, fit.seen, fit.other_condition, fit.outside)
     settings = identification.FitSettings(observe="offset=each", force_exponent=0.5)

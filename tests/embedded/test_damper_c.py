@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import own_dampers
 import pytest
 from c_programs import compiled, library, output_of
+from own_models import own_model
 from refusals import refusal
 
 import mrwork as mr
@@ -76,6 +78,13 @@ def largest_difference(text: str) -> float:
 @pytest.mark.parametrize("model", MODELS)
 def test_a_printed_damper_has_the_bits_of_the_core(model: str, tmp_path: Path) -> None:
     source = printed("damper", mr.damper(model), mr.damper(model).nominal)
+    assert largest_difference(output_of(compiled(tmp_path, source.files))) == 0.0
+
+
+@pytest.mark.parametrize("model", [*MODELS, "three states"])
+def test_a_printed_damper_of_the_user_has_the_bits_of_the_core(model: str, tmp_path: Path) -> None:
+    spec = own_dampers.branches if model == "three states" else own_model(model)
+    source = printed("damper", spec, spec.nominal)
     assert largest_difference(output_of(compiled(tmp_path, source.files))) == 0.0
 
 

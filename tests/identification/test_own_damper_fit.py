@@ -8,7 +8,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import own_dampers
 import pytest
@@ -16,33 +15,13 @@ from command_line import printed
 from refusals import command_refusal
 
 import mrwork as mr
-from mrwork.cli import own_models
-from mrwork.dampers import own_equations
 from mrwork.errors import JournalError
 from mrwork.records import cut
 from mrwork.store.codec import built, json_document
-from mrwork.twins import models
+from test_imports import in_fresh_process
 
 FILE = Path(own_dampers.__file__)
 TEST = mr.synthetic_test("spencer1997")
-
-
-def forget() -> None:
-    """As in a process that has not seen any equations."""
-    own_equations._TRUSTED.clear()
-    own_equations._announce = None
-    models.twin_of.cache_clear()
-    own_models.own_model.cache_clear()
-
-
-@pytest.fixture
-def strange() -> object:
-    """A process that trusts no equations; those of the samples are trusted again afterwards."""
-    known = dict(own_equations._TRUSTED)
-    forget()
-    yield None
-    forget()
-    own_equations._TRUSTED.update(known)
 
 
 @pytest.mark.long
@@ -77,31 +56,37 @@ def test_a_joint_fit_of_laws_and_a_choice_beside_models_of_the_package(tmp_path:
 
 @pytest.mark.long
 @pytest.mark.usefixtures("pages")
-def test_a_run_folder_carries_it_and_runs_it_where_it_is_trusted(tmp_path: Path, strange: None) -> None:
+def test_a_run_folder_runs_without_the_file_of_its_author_and_without_jax(tmp_path: Path) -> None:
+    run, file = tmp_path / "run", tmp_path / "mine.py"
+    file.write_text(FILE.read_text())
+    printed("identify", "synthetic:spencer1997", "--model", f"{file}:guo", "--out", run, "--quiet")
+    file.unlink()
+    assert "def slide(p, velocity, displacement)" in re.sub(r": Any", "", (run / "report.html").read_text())
+    assert mr.load(run, mr.StoredRun).fit.spec == own_dampers.guo
+    code = (
+        "import sys; sys.modules['jax'] = None\n"
+        "from mrwork.cli import main\n"
+        "main(['predict', sys.argv[1], 'synthetic:spencer1997'])"
+    )
+    assert "97." in in_fresh_process(code, run)
+
+
+@pytest.mark.long
+def test_equations_as_python_alone_say_what_to_do(tmp_path: Path) -> None:
+    """As versions before tapes have written them."""
     run = tmp_path / "run"
     printed("identify", "synthetic:spencer1997", "--model", f"{FILE}:guo", "--out", run, "--quiet")
-    assert "def slide(p, velocity, displacement)" in re.sub(r": Any", "", (run / "report.html").read_text())
-    forget()
-    fit = mr.load(run, mr.StoredRun).fit
-    assert fit.spec == own_dampers.guo
-    predict = "predict", run, "synthetic:spencer1997"
-    command_refusal(*predict, match="with your rights")
-    changed = tmp_path / "changed.py"
-    changed.write_text(FILE.read_text().replace("+ p.f0", "+ 2.0 * p.f0"))
-    command_refusal(*predict, "--model", f"{changed}:guo", match="changed since")
-    command_refusal(*predict, "--model", f"{changed}:none", match="no damper 'none'")
-    forget()
-    assert "97." in printed(*predict, "--model", f"{FILE}:guo")
-    forget()
-    assert "97." in printed(*predict, "--trust")
-    forget()
-    mr.load(run, trust=True)
-    assert np.isfinite(mr.predict(fit, TEST).model_force).all()
+    fit = json.loads((run / "fit.json").read_text())
+    fit["own"]["own"] = {"source": "", "force": "guo_force", "rate": None, "relaxation": None}
+    (run / "fit.json").write_text(json.dumps(fit))
+    command_refusal(
+        "predict", run, "synthetic:spencer1997", "--changed", match="as Python alone.* again with --model"
+    )
 
 
 def twice(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
     shifted = velocity + p.omega * displacement
-    return p.A1 * jnp.tanh(p.A3 * shifted) + p.A2 * shifted + p.f0
+    return p.A1 * np.tanh(p.A3 * shifted) + p.A2 * shifted + 2.0 * p.f0
 
 
 def test_a_changed_file_does_not_resume(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import own_dampers
 import pytest
 import tuning_samples
 from refusals import refusal
@@ -162,14 +161,11 @@ LAW = "proportional_direct"
 def test_scores_without_gradients_are_refused() -> None:
     study = tuning_samples.study_with()
     learned = TuneTable(laws=("signal_network",), gradient_steps=5)
-    spec = own_dampers.static
-    own = tuple(replace(each, spec=spec, theta=spec.nominal) for each in study.devices)
     for table, changed, word in (
         (replace(learned, laws=("clipped_optimal",)), study, "clipped_optimal switches"),
         (replace(learned, free={"network": (), "dead_zone": ()}), study, "dead_zone"),
         (replace(learned, constraints={"switching_rate": 1.0}), study, "switching_rate is a count"),
         (learned, replace(study, hardware=replace(study.hardware, force_resolution=10.0)), "resolution"),
-        (learned, replace(study, problem=replace(study.problem, devices=own)), "these are your own"),
     ):
         assert word in without_gradient(changed, table)
     refusal(

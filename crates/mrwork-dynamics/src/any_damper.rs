@@ -8,12 +8,14 @@ use crate::dual_block::{self, LaneRows, LaneSeeds};
 use crate::integrate::{stiffness_bound, substeps};
 use crate::loading::LoadingHistory;
 use crate::misfit::{ForceOutput, Target};
-use crate::parameters::FromSlice;
+use crate::watch;
 
 /// A damper model as a trait object: whole blocks and single evaluations; no dynamic dispatch within a time step.
 pub trait Damper: Sync {
     /// Description of the model.
     fn spec(&self) -> &'static DamperSpec;
+    /// Number of states.
+    fn n_states(&self) -> usize;
     /// Sub-steps per sample interval; `None` if the candidate needs more than are admitted.
     fn substeps(
         &self,
@@ -25,6 +27,12 @@ pub trait Damper: Sync {
     /// Upper bound of the fastest relaxation rate of the states [1/s] over these commands; not finite if unbounded.
     fn stiffness_bound(&self, theta: &[f64], laws: &CurrentLaws, commands: &[f64], severity: Severity)
     -> f64;
+    /// Whether sub-steps follow from the relaxation along each motion, see [`Self::fastest`].
+    fn is_watched(&self) -> bool;
+    /// Whether the motion alone decides how fast the states relax.
+    fn relaxes_by_motion(&self) -> bool;
+    /// Fastest relaxation of the states of each candidate over the record [1/s], of a model that is watched.
+    fn fastest(&self, set: InstructionSet, block: &Block<'_>) -> Vec<f64>;
     /// Whether a step of a candidate is a short chain of arithmetic.
     fn has_short_step(&self, theta: &[f64], laws: &CurrentLaws) -> bool;
     /// Time derivative of the states.
@@ -50,7 +58,11 @@ pub trait Damper: Sync {
 
 impl<M: DamperModel> Damper for M {
     fn spec(&self) -> &'static DamperSpec {
-        const { &M::SPEC }
+        self.description()
+    }
+
+    fn n_states(&self) -> usize {
+        DamperModel::n_states(*self)
     }
 
     fn substeps(
@@ -60,7 +72,7 @@ impl<M: DamperModel> Damper for M {
         loading: &LoadingHistory,
         factor: u32,
     ) -> Option<u32> {
-        substeps::<M>(theta, laws, loading, factor)
+        substeps(*self, theta, laws, loading, factor)
     }
 
     fn stiffness_bound(
@@ -70,7 +82,19 @@ impl<M: DamperModel> Damper for M {
         commands: &[f64],
         severity: Severity,
     ) -> f64 {
-        stiffness_bound::<M>(theta, laws, commands, severity)
+        stiffness_bound(*self, theta, laws, commands, severity)
+    }
+
+    fn is_watched(&self) -> bool {
+        M::WATCHED
+    }
+
+    fn relaxes_by_motion(&self) -> bool {
+        DamperModel::relaxes_by_motion(*self)
+    }
+
+    fn fastest(&self, set: InstructionSet, block: &Block<'_>) -> Vec<f64> {
+        if const { M::WATCHED } { watch::run(*self, set, block) } else { vec![0.0; block.candidates.len()] }
     }
 
     fn has_short_step(&self, theta: &[f64], laws: &CurrentLaws) -> bool {
@@ -82,27 +106,28 @@ impl<M: DamperModel> Damper for M {
     }
 
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64> {
-        let (p, state) = at_point::<M>(theta, state);
+        let (p, state) = at_point(*self, theta, state);
         let mut rate = Vec::with_capacity(M::SPEC.n_states);
         M::rate(&p, state, motion).for_each(|_, value| rate.push(value));
+        rate.truncate(Damper::n_states(self));
         rate
     }
 
     fn force(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> f64 {
-        let (p, state) = at_point::<M>(theta, state);
+        let (p, state) = at_point(*self, theta, state);
         M::force(&p, state, motion)
     }
 
     fn flops_per_step(&self, theta: &[f64]) -> u64 {
-        crate::peak::flops_per_step::<M>(theta)
+        crate::peak::flops_per_step(*self, theta)
     }
 
     fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> BlockResult {
-        block::run::<M>(set, block, ForceOutput { target: Some(target), rows: &mut [] })
+        block::run(*self, set, block, ForceOutput { target: Some(target), rows: &mut [] })
     }
 
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]) {
-        block::run::<M>(set, block, ForceOutput { target: None, rows });
+        block::run(*self, set, block, ForceOutput { target: None, rows });
     }
 
     fn sensitivities(
@@ -113,11 +138,11 @@ impl<M: DamperModel> Damper for M {
         rows: &mut [LaneRows<'_>],
         plain_states: bool,
     ) {
-        dual_block::run::<M>(set, block, seeds, rows, plain_states);
+        dual_block::run(*self, set, block, seeds, rows, plain_states);
     }
 }
 
-fn at_point<M: DamperModel>(theta: &[f64], state: &[f64]) -> (M::Parameters<f64>, M::State<f64>) {
+fn at_point<M: DamperModel>(model: M, theta: &[f64], state: &[f64]) -> (M::Parameters<f64>, M::State<f64>) {
     let entry = |index: usize| state.get(index).copied().unwrap_or(f64::NAN);
-    (M::Parameters::from_slice(theta), M::State::from_fn(entry))
+    (model.parameters(theta), M::State::from_fn(entry))
 }

@@ -10,7 +10,6 @@ use crate::driver::{Driver, Following, Steady};
 use crate::lanes::Lanes;
 use crate::loading::{Command, LoadingHistory};
 use crate::misfit::{ForceAccumulator, ForceOutput, ForceSink, Target};
-use crate::parameters::FromSlice;
 use crate::real::{Bits, Real};
 use crate::threads::StopRequested;
 
@@ -86,11 +85,11 @@ pub struct BlockResult {
 
 /// Simulates a block.
 pub(crate) fn run<M: DamperModel>(
+    model: M,
     set: InstructionSet,
     block: &Block<'_>,
     output: ForceOutput<'_, '_>,
 ) -> BlockResult {
-    let model = PhantomData::<M>;
     match block.loading.command() {
         Command::Varying(command) if !block.laws.are_constant() => {
             let command = AfterCommand { laws: block.laws, command };
@@ -111,7 +110,7 @@ struct OnePack<'a, 'b, M, C> {
     block: &'a Block<'a>,
     output: ForceOutput<'a, 'b>,
     command: C,
-    model: PhantomData<M>,
+    model: M,
 }
 
 impl<M: DamperModel, C: OverTime<M>> LaneJob for OnePack<'_, '_, M, C> {
@@ -123,7 +122,7 @@ impl<M: DamperModel, C: OverTime<M>> LaneJob for OnePack<'_, '_, M, C> {
         if const { R::WIDTH == 1 } {
             return SideBySide { block, output, command, model }.run::<R>();
         }
-        let driver = command.driver::<R>(block, block.candidates);
+        let driver = command.driver::<R>(model, block, block.candidates);
         let mut pack = Integrated::new(block, block.candidates, driver, output.target, output.rows);
         let state = state_at_start::<M, R>(block, block.candidates);
         let (state, samples) = integrate_span(block, &mut pack, state);
@@ -136,7 +135,7 @@ struct SideBySide<'a, 'b, M, C> {
     block: &'a Block<'a>,
     output: ForceOutput<'a, 'b>,
     command: C,
-    model: PhantomData<M>,
+    model: M,
 }
 
 impl<M: DamperModel, C: OverTime<M>> LaneJob for SideBySide<'_, '_, M, C> {
@@ -144,11 +143,11 @@ impl<M: DamperModel, C: OverTime<M>> LaneJob for SideBySide<'_, '_, M, C> {
     type Home = M;
     #[inline(always)]
     fn run<R: Lanes>(self) -> BlockResult {
-        let Self { block, output, command, .. } = self;
+        let Self { block, output, command, model } = self;
         let mut packs = Vec::with_capacity(block.candidates.len().div_ceil(R::WIDTH));
         let mut rows = output.rows.chunks_mut(R::WIDTH);
         for candidates in block.candidates.chunks(R::WIDTH) {
-            let driver = command.driver::<R>(block, candidates);
+            let driver = command.driver::<R>(model, block, candidates);
             let rows = rows.next().unwrap_or_default();
             let pack = Integrated::new(block, candidates, driver, output.target, rows);
             packs.push(WithState { pack, state: state_at_start::<M, R>(block, candidates) });
@@ -159,36 +158,36 @@ impl<M: DamperModel, C: OverTime<M>> LaneJob for SideBySide<'_, '_, M, C> {
 }
 
 /// How the parameters of candidates run over time.
-trait OverTime<M: DamperModel> {
+pub(crate) trait OverTime<M: DamperModel> {
     /// What provides them in each step.
     type Driver<R: Lanes>: Driver<M, R>;
-    fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R>;
+    fn driver<R: Lanes>(&self, model: M, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R>;
 }
 
 /// Constant in time; every step is short with them, or not.
-struct Constant<const SHORT: bool>;
+pub(crate) struct Constant<const SHORT: bool>;
 
 impl<M: DamperModel, const SHORT: bool> OverTime<M> for Constant<SHORT> {
     type Driver<R: Lanes> = Steady<M::Parameters<R>, SHORT>;
     #[inline(always)]
-    fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R> {
+    fn driver<R: Lanes>(&self, model: M, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R> {
         let values = steady_values(block, columns::<R>(block, candidates));
-        Steady { parameters: M::Parameters::from_slice(&values) }
+        Steady { parameters: model.parameters(&values) }
     }
 }
 
 /// After a varying command.
-struct AfterCommand<'a> {
-    laws: &'a CurrentLaws,
-    command: &'a [f64],
+pub(crate) struct AfterCommand<'a> {
+    pub(crate) laws: &'a CurrentLaws,
+    pub(crate) command: &'a [f64],
 }
 
 impl<'a, M: DamperModel> OverTime<M> for AfterCommand<'a> {
     type Driver<R: Lanes> = Following<'a, M, R>;
     #[inline(always)]
-    fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R> {
+    fn driver<R: Lanes>(&self, model: M, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R> {
         let step = block.loading.dt() / f64::from(block.substeps);
-        Following::new(self.laws, columns(block, candidates), self.command, step)
+        Following::new(model, self.laws, columns(block, candidates), self.command, step)
     }
 }
 

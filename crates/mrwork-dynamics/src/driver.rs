@@ -42,6 +42,7 @@ impl<M: DamperModel, R: Real, const SHORT: bool> Driver<M, R> for Steady<M::Para
 
 /// Parameters that follow a command held between samples, behind the lag of the driver if there is one.
 pub(crate) struct Following<'a, M: DamperModel, R: Real> {
+    model: M,
     laws: &'a CurrentLaws,
     /// Prepared.
     columns: Vec<R>,
@@ -57,14 +58,21 @@ pub(crate) struct Following<'a, M: DamperModel, R: Real> {
 impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     /// The driver in steady state at the first command.
     #[inline(always)]
-    pub(crate) fn new(laws: &'a CurrentLaws, mut columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
+    pub(crate) fn new(
+        model: M,
+        laws: &'a CurrentLaws,
+        mut columns: Vec<R>,
+        command: &'a [f64],
+        step: f64,
+    ) -> Self {
         R::out_of_line(Prepare { laws, columns: &mut columns });
         let start = R::splat(command.first().copied().unwrap_or(f64::NAN));
         let decay = Decay::of(laws.rates(&columns), step);
         let mut values = vec![R::splat(f64::NAN); laws.n_params()];
         R::out_of_line(Evaluate { laws, prepared: &columns, current: start, values: &mut values });
-        let at = [M::Parameters::from_slice(&values); 3];
-        Self { laws, columns, values, command, held: start, u: start, decay, at }
+        let parameters = model.parameters(&values);
+        let at = [parameters.clone(), parameters.clone(), parameters];
+        Self { model, laws, columns, values, command, held: start, u: start, decay, at }
     }
 
     /// Parameters at the current in the coil, from other prepared columns; derivatives with respect to its lag are dropped.
@@ -72,7 +80,7 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     pub(crate) fn parameters_of(&self, columns: &[R], values: &mut [R]) -> M::Parameters<R> {
         let current = self.u.without_derivatives();
         R::out_of_line(Evaluate { laws: self.laws, prepared: columns, current, values });
-        M::Parameters::from_slice(values)
+        self.model.parameters(values)
     }
 
     /// Moves the current by half a step and evaluates the parameters at this place of `at`.

@@ -16,7 +16,6 @@ use crate::dual::Dual;
 use crate::lanes::Lanes;
 use crate::loading::Command;
 use crate::misfit::ForceSink;
-use crate::parameters::FromSlice;
 use crate::real::{Bits, Real};
 
 /// Derivatives of a dual number.
@@ -48,13 +47,13 @@ pub struct LaneRows<'a> {
 /// Simulates a block whose lanes differentiate with respect to `seeds`; those of a block with `plain_states` enter the
 /// force only, and its parameters are constant in time.
 pub(crate) fn run<M: DamperModel>(
+    model: M,
     set: InstructionSet,
     block: &Block<'_>,
     seeds: &[LaneSeeds],
     rows: &mut [LaneRows<'_>],
     plain_states: bool,
 ) {
-    let model = PhantomData::<M>;
     if plain_states {
         set.run_narrow(ForceSlopesJob { block, seeds, rows, model });
     } else {
@@ -66,7 +65,7 @@ struct ForceSlopesJob<'a, 'b, M> {
     block: &'a Block<'a>,
     seeds: &'a [LaneSeeds],
     rows: &'a mut [LaneRows<'b>],
-    model: PhantomData<M>,
+    model: M,
 }
 
 impl<M: DamperModel> LaneJob for ForceSlopesJob<'_, '_, M> {
@@ -74,7 +73,7 @@ impl<M: DamperModel> LaneJob for ForceSlopesJob<'_, '_, M> {
     type Home = M;
     #[inline(always)]
     fn run<R: Lanes + Bits>(self) {
-        let Self { block, seeds, rows, .. } = self;
+        let Self { block, seeds, rows, model } = self;
         let mut packs = Vec::with_capacity(seeds.len().div_ceil(R::WIDTH));
         let lanes = seeds.chunks(R::WIDTH).zip(rows.chunks_mut(R::WIDTH));
         for (candidates, (seeds, rows)) in block.candidates.chunks(R::WIDTH).zip(lanes) {
@@ -82,9 +81,9 @@ impl<M: DamperModel> LaneJob for ForceSlopesJob<'_, '_, M> {
             let mut parts = Vec::new();
             for part in 0..seeds.iter().map(|seeds| seeds.force_only.len()).max().unwrap_or(0) {
                 let inputs = seeded(&values, |lane| seeds.get(lane)?.force_only.get(part).copied());
-                parts.push(M::Parameters::from_slice(&inputs));
+                parts.push(model.parameters(&inputs));
             }
-            let driver = Steady::<_, false> { parameters: M::Parameters::from_slice(&values) };
+            let driver = Steady::<_, false> { parameters: model.parameters(&values) };
             let sink = SlopeWriter::<M, R> { rows, parts };
             let pack = Integrated::<M, R, _, _> { driver, sink, kind: PhantomData };
             packs.push(WithState { pack, state: M::State::splat(R::splat(0.0)) });
@@ -167,7 +166,7 @@ struct SensitivityJob<'a, 'b, M> {
     block: &'a Block<'a>,
     seeds: &'a [LaneSeeds],
     rows: &'a mut [LaneRows<'b>],
-    model: PhantomData<M>,
+    model: M,
 }
 
 type Numbers<R> = Dual<R, TANGENTS>;
@@ -177,7 +176,7 @@ impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
     type Home = M;
     #[inline(always)]
     fn run<R: Lanes + Bits>(self) {
-        let Self { block, seeds, rows, .. } = self;
+        let Self { block, seeds, rows, model } = self;
         let Block { laws, loading, substeps, .. } = *block;
         let columns = columns::<R>(block, block.candidates);
         let varying = match loading.command() {
@@ -190,7 +189,7 @@ impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
         let mut force_only = Vec::with_capacity(n_force_only);
         for part in 0..n_force_only {
             let mut columns = seeded(&inputs, |lane| seeds.get(lane)?.force_only.get(part).copied());
-            let parameters = M::Parameters::from_slice(&columns);
+            let parameters = model.parameters(&columns);
             if varying.is_some() {
                 Numbers::<R>::out_of_line(Prepare { laws, columns: &mut columns });
             }
@@ -199,9 +198,9 @@ impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
         }
         let driver = if let Some(command) = varying {
             let step = loading.dt() / f64::from(substeps);
-            Either::Following(Following::new(laws, of_states, command, step))
+            Either::Following(Following::new(model, laws, of_states, command, step))
         } else {
-            Either::Steady(Steady { parameters: M::Parameters::from_slice(&of_states) })
+            Either::Steady(Steady { parameters: model.parameters(&of_states) })
         };
         let sink = RowWriter { rows, force_only };
         let mut pack = Integrated::<M, Numbers<R>, _, _> { driver, sink, kind: PhantomData };

@@ -93,6 +93,11 @@ pub enum DynamicsError {
     /// A damper that is no model of the registry, as the device of a loop.
     #[error("`{0}` is no registered damper model; a loop takes those of the registry")]
     UnknownDevice(&'static str),
+    /// Formulas of a damper of a user that cannot be walked.
+    #[error(
+        "the formulas of {0} are damaged: a tape is unsound, or has other inputs or results than the damper"
+    )]
+    OwnDamper(String),
     /// A formula of a user that does more than arithmetic on its own numbers.
     #[error(
         "the tape of a formula is damaged: it reads what it has not written, or is larger than any that is recorded; record \

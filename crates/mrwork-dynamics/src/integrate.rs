@@ -5,7 +5,6 @@ use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Severity};
 use crate::loading::LoadingHistory;
 pub use crate::loading::MAX_SUBSTEPS;
-use crate::parameters::FromSlice;
 
 /// Largest factor on that number.
 pub const MAX_SUBSTEP_FACTOR: u32 = 64;
@@ -16,13 +15,14 @@ pub(crate) const RESOLUTION: f64 = 1.4;
 
 /// Upper bound of the fastest relaxation rate of the states [1/s] over these commands; not finite if unbounded.
 pub(crate) fn stiffness_bound<M: DamperModel>(
+    model: M,
     theta: &[f64],
     laws: &CurrentLaws,
     commands: &[f64],
     severity: Severity,
 ) -> f64 {
     if laws.are_constant() {
-        return M::stiffness_bound(&M::Parameters::from_slice(theta), severity);
+        return M::stiffness_bound(&model.parameters(theta), severity);
     }
     let mut bound = 0.0;
     let mut values = vec![f64::NAN; laws.n_params()];
@@ -30,7 +30,7 @@ pub(crate) fn stiffness_bound<M: DamperModel>(
     laws.prepare(&mut columns);
     for &command in commands {
         laws.evaluate(&columns, command, &mut values);
-        let at_command = M::stiffness_bound(&M::Parameters::from_slice(&values), severity);
+        let at_command = M::stiffness_bound(&model.parameters(&values), severity);
         // A bound that is not a number is kept.
         if at_command > bound || at_command.is_nan() {
             bound = at_command;
@@ -49,6 +49,7 @@ pub(crate) fn wanted_substeps(bound: f64, loading: &LoadingHistory) -> f64 {
 /// The bound is that of the stiffest command of the loading, which may fix the sub-steps instead. `None` where the candidate needs more than
 /// [`MAX_SUBSTEPS`], or where its bound is not a number.
 pub(crate) fn substeps<M: DamperModel>(
+    model: M,
     theta: &[f64],
     laws: &CurrentLaws,
     loading: &LoadingHistory,
@@ -57,7 +58,7 @@ pub(crate) fn substeps<M: DamperModel>(
     if let Some(count) = loading.substeps() {
         return Some(count * factor);
     }
-    let bound = stiffness_bound::<M>(theta, laws, loading.command_levels(), loading.severity());
+    let bound = stiffness_bound(model, theta, laws, loading.command_levels(), loading.severity());
     let wanted = wanted_substeps(bound, loading);
     let mut count = 1;
     while f64::from(count) < wanted {

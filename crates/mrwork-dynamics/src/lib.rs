@@ -39,3 +39,4 @@ pub mod settings;
 pub mod simulate;
 pub mod tape;
 pub mod threads;
+mod watch;

@@ -51,7 +51,7 @@ pub(crate) fn offsets(parameters: &[ParamSpec]) -> Vec<usize> {
 }
 
 /// Parameters that can be filled in spec order.
-pub trait FromSlice<R>: Copy {
+pub trait FromSlice<R>: Clone {
     /// Takes one value per parameter; missing values are not a number.
     fn from_slice(values: &[R]) -> Self;
     /// Takes the values of parameters that `follow` the command; others, and what is derived from others alone, stay.

@@ -9,7 +9,6 @@ use crate::damper::model::{DamperModel, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
-use crate::parameters::FromSlice;
 use crate::real::{Bits, OutOfLine, Pairs, Real};
 use crate::threads::{on_threads, thread_count};
 
@@ -65,9 +64,9 @@ impl LaneJob for FmaChains {
 }
 
 /// Arithmetic operations of one Runge-Kutta step and one residual, counted by running them.
-pub(crate) fn flops_per_step<M: DamperModel>(theta: &[f64]) -> u64 {
+pub(crate) fn flops_per_step<M: DamperModel>(model: M, theta: &[f64]) -> u64 {
     let theta: Vec<Counted> = theta.iter().map(|&value| Counted(value)).collect();
-    let p = M::Parameters::from_slice(&theta);
+    let p = model.parameters(&theta);
     let motion = Motion { displacement: 1e-3, velocity: 1e-2 };
     FLOPS.set(0);
     let mut state = M::State::<Counted>::from_fn(|_| Counted(0.5));

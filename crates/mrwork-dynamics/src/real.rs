@@ -268,6 +268,13 @@ pub(crate) fn if_known<R: Real>(by: R, value: R) -> R {
     R::select(by.equal(by), value, R::splat(f64::NAN))
 }
 
+/// `number`; infinite where it is not a number.
+#[inline(always)]
+pub(crate) fn finite_or_infinite<R: Real>(number: R) -> R {
+    let infinite = R::splat(f64::INFINITY);
+    R::select(number.less(infinite), number, infinite)
+}
+
 /// `number` limited to the range from `lower` to `upper`.
 #[inline(always)]
 pub(crate) fn within<R: Real>(number: R, lower: R, upper: R) -> R {

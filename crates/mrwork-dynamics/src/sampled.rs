@@ -40,10 +40,10 @@ fn between(from: Motion<f64>, to: Motion<f64>, share: f64) -> Motion<f64> {
 }
 
 impl ModelVisitor<Vec<f64>> for Straight<'_> {
-    fn visit<M: DamperModel + 'static>(self) -> Vec<f64> {
+    fn visit<M: DamperModel + 'static>(self, model: M) -> Vec<f64> {
         let Self { theta, laws, samples, dt, substeps } = self;
         let step = dt / f64::from(substeps);
-        let mut driver = Following::<M, f64>::new(laws, theta.to_vec(), samples.command, step);
+        let mut driver = Following::<M, f64>::new(model, laws, theta.to_vec(), samples.command, step);
         let mut state = M::State::<f64>::splat(0.0);
         let mut force = Vec::with_capacity(samples.command.len());
         for sample in 0..samples.command.len() {

@@ -6,11 +6,11 @@ use crate::any_damper::Damper;
 use crate::block::{BatchProgress, Block};
 use crate::current_law::CurrentLaws;
 use crate::error::{DynamicsError, Outcome};
-use crate::integrate::MAX_SUBSTEP_FACTOR;
+use crate::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS, RESOLUTION};
 use crate::lanes::VECTOR_WIDTH;
 use crate::loading::{Command, LoadingHistory};
 use crate::settings::Settings;
-use crate::threads::thread_count;
+use crate::threads::{on_threads, thread_count};
 
 /// Fewest steps per thread: below, starting another thread costs more than it saves.
 const STEPS_PER_THREAD: u64 = 36_000;
@@ -18,6 +18,8 @@ const STEPS_PER_THREAD: u64 = 36_000;
 const SHORT_STEPS: u64 = 6;
 /// Fewest steps per thread and span: below, regrouping the remaining candidates costs more than it saves.
 const STEPS_PER_SPAN: u64 = 20_000;
+/// Factor on the sub-steps of a run that is not finite.
+const FINER: u32 = 4;
 /// Most spans of a record.
 const MOST_SPANS: u64 = 16;
 
@@ -25,6 +27,89 @@ const MOST_SPANS: u64 = 16;
 fn worthwhile_threads(threads: usize, steps: u64) -> usize {
     thread_count(threads)
         .min(usize::try_from(steps / STEPS_PER_THREAD).unwrap_or(usize::MAX).saturating_add(1))
+}
+
+/// Sub-steps of a candidate whose model has no bound of its stiffness before the motion.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Watched {
+    /// Sub-steps that resolve the candidate, not rounded; infinite where no number does.
+    pub(crate) wanted: f64,
+    /// Those that it gets, a power of two; `None` where it needs more than [`MAX_SUBSTEPS`].
+    pub(crate) substeps: Option<u32>,
+}
+
+impl Watched {
+    /// Of each candidate, which is simulated again with more sub-steps until they suffice for its states along its motion.
+    pub(crate) fn over(
+        damper: &dyn Damper,
+        laws: &CurrentLaws,
+        theta: &[f64],
+        loading: &LoadingHistory,
+        settings: Settings<'_>,
+    ) -> Result<Vec<Self>, DynamicsError> {
+        let n_batch = theta.len() / laws.n_columns();
+        let progress = BatchProgress::at_rest(damper.spec(), n_batch, None);
+        let mut counts = vec![1; n_batch];
+        let mut found = vec![Self { wanted: 1.0, substeps: Some(1) }; n_batch];
+        let mut open: Vec<usize> = (0..n_batch).collect();
+        while !open.is_empty() {
+            open.sort_by_key(|&row| counts[row]);
+            let steps = open.iter().map(|&row| u64::from(counts[row])).sum::<u64>() * loading.n_time() as u64;
+            let threads = worthwhile_threads(settings.threads, steps);
+            let share = open.len().div_ceil(threads).min(settings.instruction_set.block_width());
+            let blocks: Vec<Block<'_>> = open
+                .chunk_by(|&a, &b| counts[a] == counts[b])
+                .flat_map(|group| group.chunks(share.next_multiple_of(VECTOR_WIDTH)))
+                .map(|candidates| Block {
+                    theta,
+                    laws,
+                    candidates,
+                    loading,
+                    span: 0..loading.n_time(),
+                    progress: &progress,
+                    substeps: counts[candidates[0]],
+                    short: false,
+                    stop: settings.stop,
+                })
+                .collect();
+            let bounds = on_threads(threads, blocks.iter().collect(), |block: &Block<'_>| {
+                damper.fastest(settings.instruction_set, block)
+            })?;
+            if (settings.stop)() {
+                return Err(DynamicsError::Cancelled);
+            }
+            let ran: Vec<(usize, f64)> = (blocks.iter().zip(bounds))
+                .flat_map(|(block, bounds)| block.candidates.iter().copied().zip(bounds))
+                .collect();
+            drop(blocks);
+            open.clear();
+            for (row, bound) in ran {
+                let count = counts[row];
+                let own = if bound.is_finite() { loading.dt() * bound / RESOLUTION } else { f64::INFINITY };
+                let next = match power_of_two(own) {
+                    // A run that is not finite says nothing of its states, and may be with finer steps.
+                    _ if own == f64::INFINITY && !damper.relaxes_by_motion() => {
+                        Some((FINER * count).min(MAX_SUBSTEPS))
+                    }
+                    next => next,
+                };
+                found[row] = Self { wanted: own, substeps: next.map(|next| next.max(count)) };
+                if let Some(next) = next
+                    && next > count
+                    && !damper.relaxes_by_motion()
+                {
+                    counts[row] = next;
+                    open.push(row);
+                }
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// The smallest power of two that is not below `wanted`; `None` beyond [`MAX_SUBSTEPS`].
+fn power_of_two(wanted: f64) -> Option<u32> {
+    (0..=MAX_SUBSTEPS.ilog2()).map(|exponent| 1 << exponent).find(|&count| f64::from(count) >= wanted)
 }
 
 /// Result of one candidate.
@@ -81,10 +166,16 @@ impl<'a> Schedule<'a> {
                 expected: n_columns,
             });
         }
-        let rows: Vec<CandidateResult> = theta
-            .chunks_exact(n_columns)
-            .map(|theta| {
-                let substeps = damper.substeps(theta, laws, loading, step_factor);
+        let each: Vec<Option<u32>> = if damper.is_watched() && loading.substeps().is_none() {
+            let watched = Watched::over(damper, laws, theta, loading, settings)?;
+            watched.into_iter().map(|row| Some(row.substeps? * step_factor)).collect()
+        } else {
+            let rows = theta.chunks_exact(n_columns);
+            rows.map(|theta| damper.substeps(theta, laws, loading, step_factor)).collect()
+        };
+        let rows: Vec<CandidateResult> = each
+            .into_iter()
+            .map(|substeps| {
                 let outcome = if substeps.is_some() { Outcome::Finished } else { Outcome::Unresolved };
                 CandidateResult {
                     squared_error: f64::INFINITY,

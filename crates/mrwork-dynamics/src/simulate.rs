@@ -10,26 +10,35 @@ use crate::integrate;
 use crate::loading::LoadingHistory;
 use crate::misfit::Target;
 pub use crate::schedule::CandidateResult;
-use crate::schedule::Schedule;
+use crate::schedule::{Schedule, Watched};
 pub use crate::settings::Settings;
 use crate::threads::{StopRequested, on_threads};
 
 /// Stiffness of each candidate, as a share of the largest that is simulated at the step of this loading.
 ///
 /// Above 1 a candidate wants more than [`integrate::MAX_SUBSTEPS`]. `theta` is row-major, shape (batch,
-/// `laws.n_columns()`).
-#[must_use]
+/// `laws.n_columns()`). A model that is watched is simulated for it.
+///
+/// # Errors
+/// If the batch was cancelled.
 pub fn stiffness_shares(
     damper: &dyn Damper,
     laws: &CurrentLaws,
     theta: &[f64],
     loading: &LoadingHistory,
-) -> Vec<f64> {
-    theta
-        .chunks_exact(laws.n_columns())
-        .map(|theta| damper.stiffness_bound(theta, laws, loading.command_levels(), loading.severity()))
-        .map(|bound| integrate::wanted_substeps(bound, loading) / f64::from(integrate::MAX_SUBSTEPS))
-        .collect()
+    settings: Settings<'_>,
+) -> Result<Vec<f64>, DynamicsError> {
+    let wanted: Vec<f64> = if damper.is_watched() {
+        let watched = Watched::over(damper, laws, theta, loading, settings)?;
+        watched.iter().map(|row| row.wanted).collect()
+    } else {
+        theta
+            .chunks_exact(laws.n_columns())
+            .map(|theta| damper.stiffness_bound(theta, laws, loading.command_levels(), loading.severity()))
+            .map(|bound| integrate::wanted_substeps(bound, loading))
+            .collect()
+    };
+    Ok(wanted.into_iter().map(|wanted| wanted / f64::from(integrate::MAX_SUBSTEPS)).collect())
 }
 
 /// Misfits of a batch by running reduction: no force is stored.

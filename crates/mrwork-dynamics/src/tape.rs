@@ -135,6 +135,15 @@ pub struct Tape {
     pub n_slots: usize,
 }
 
+impl Entry {
+    /// Slots that it reads.
+    #[must_use]
+    pub fn slots(&self) -> Vec<u16> {
+        let operands = self.operation.operands().iter().zip(self.of);
+        operands.filter(|(operand, _)| **operand == Slot).map(|(_, place)| place).collect()
+    }
+}
+
 impl Tape {
     /// Whether it has a size that can be walked, and writes every slot before it reads it.
     #[must_use]
@@ -207,7 +216,8 @@ impl<R: Real> OutOfLine for Walk<'_, R> {
         let table = &tape.table[..];
         let (one, zero) = (<R::Piece as Real>::splat(1.0), <R::Piece as Real>::splat(0.0));
         for entry in &tape.entries {
-            let [a, b, c] = entry.of.map(usize::from);
+            // Written out: what an array maps is compiled apart from the vectors.
+            let (a, b, c) = (usize::from(entry.of[0]), usize::from(entry.of[1]), usize::from(entry.of[2]));
             let to = usize::from(entry.to);
             match entry.operation {
                 Operation::Sum => each_piece!(r[to] = |x of a, y of b| x + y),
@@ -273,7 +283,7 @@ impl<R: Real> OutOfLine for Call<'_, R> {
 fn power<R: Real>(x: R, n: R) -> R {
     const STEEPEST: f64 = 1_073_741_824.0;
     let (zero, one, infinite) = (R::splat(0.0), R::splat(1.0), R::splat(f64::INFINITY));
-    let [smallest, largest] = [f64::MIN_POSITIVE, f64::MAX].map(R::splat);
+    let (smallest, largest) = (R::splat(f64::MIN_POSITIVE), R::splat(f64::MAX));
     let base = x.max(smallest).min(largest);
     let exponent = n.max(R::splat(-STEEPEST)).min(R::splat(STEEPEST));
     let found = powf(base, &Exponent::of(exponent));

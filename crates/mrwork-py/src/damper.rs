@@ -107,7 +107,12 @@ pub fn stiffness_shares<'py>(
     rates: usize,
 ) -> PyResult<Floats<'py>> {
     let (damper, laws, theta) = batch(model, laws, rates, &theta)?;
-    Ok(simulate::stiffness_shares(damper, &laws, theta, &loading.dynamics).into_pyarray(py))
+    let instruction_set = chosen_instruction_set()?;
+    let shares = interruptible(py, |stop| {
+        let settings = Settings { step_factor: 1, threads: 0, instruction_set, stop };
+        simulate::stiffness_shares(damper, &laws, theta, &loading.dynamics, settings)
+    })?;
+    Ok(shares.into_pyarray(py))
 }
 
 /// Force histories of a batch, shape (`n_batch`, `n_time`); rows that did not finish are infinite.
@@ -257,7 +262,7 @@ fn point<'a>(
     let theta = contiguous("theta", theta)?;
     let state = contiguous("state", state)?;
     check_count(damper, theta.len())?;
-    let n_states = damper.spec().n_states;
+    let n_states = damper.n_states();
     if state.len() != n_states {
         return Err(PyValueError::new_err(format!(
             "`state` has {} entries, the model has {n_states}",

@@ -46,7 +46,7 @@ mod _rust {
     #[pymodule_export]
     use crate::matrix_equations::riccati_equations;
     #[pymodule_export]
-    use crate::own::{LawTape, tape_operations};
+    use crate::own::{LawTape, register_damper, tape_operations};
     #[pymodule_export]
     use crate::printed::{
         damper_text, elementary_functions, law_commands, law_readings, law_text, straight_forces,

@@ -1,12 +1,15 @@
 //! Formulas of users on tapes, in Python.
 
 use mrwork_dynamics::closed_loop::{Input, OwnLaw, Source};
+use mrwork_dynamics::damper::own::{Formulas, Parameter, register};
+use mrwork_dynamics::parameters::Scale;
 use mrwork_dynamics::tape::{Entry, Operation, Tape};
 use numpy::PyReadonlyArray2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::shaped;
+use crate::enter::value_error;
 
 /// Operations of a tape, in order: name and number of operands.
 #[pyfunction]
@@ -16,7 +19,7 @@ pub fn tape_operations() -> Vec<(&'static str, usize)> {
 
 /// A tape by the names of the fields of `mrwork.base.tape.Tape`.
 #[derive(FromPyObject)]
-struct GivenTape {
+pub struct GivenTape {
     entries: Vec<(String, u16, Vec<u16>)>,
     constants: Vec<f64>,
     table: Vec<f64>,
@@ -45,6 +48,43 @@ fn entry(name: &str, to: u16, of: &[u16]) -> PyResult<Entry> {
     let mut places = [0; 3];
     places[..of.len()].copy_from_slice(of);
     Ok(Entry { operation, to, of: places })
+}
+
+/// Registers a damper of a user under a name that holds its digest: `name`, `unit`, `scale` and smallest, largest and nominal
+/// value of each parameter, and tapes whose inputs are parameters, states, displacement and velocity.
+#[pyfunction]
+pub fn register_damper(
+    name: &str,
+    parameters: Vec<GivenParameter>,
+    n_states: usize,
+    force: GivenTape,
+    rate: GivenTape,
+    relaxation: GivenTape,
+) -> PyResult<()> {
+    let parameters = parameters.into_iter().map(GivenParameter::parameter).collect::<PyResult<_>>()?;
+    let (force, rate, relaxation) = (force.tape()?, rate.tape()?, relaxation.tape()?);
+    register(name, Formulas { parameters, n_states, force, rate, relaxation }).map_err(value_error)
+}
+
+/// A parameter by the names of the fields of `mrwork.dampers.parameters.ParamSpec`.
+#[derive(FromPyObject)]
+pub struct GivenParameter {
+    name: String,
+    unit: String,
+    scale: String,
+    lower: f64,
+    upper: f64,
+    nominal: f64,
+}
+
+impl GivenParameter {
+    fn parameter(self) -> PyResult<Parameter> {
+        let Self { name, unit, scale, lower, upper, nominal } = self;
+        let scale =
+            [Scale::Linear, Scale::Log, Scale::Offset].into_iter().find(|known| known.name() == scale);
+        let scale = scale.ok_or_else(|| PyValueError::new_err("a scale is linear, log or offset"))?;
+        Ok(Parameter { name, unit, scale, values: [lower, upper, nominal] })
+    }
 }
 
 /// A law of a user as a tape.

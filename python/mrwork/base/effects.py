@@ -19,9 +19,12 @@ import numpy as np
 _FRESH = (ast.List, ast.Dict, ast.ListComp, ast.DictComp, ast.Tuple)
 
 
-def effect_of(function: Callable[..., Any]) -> str | None:
-    """The first effect of a function beside its result, as a sentence with file and line; `None` without one."""
-    return next((effect for each in _functions_of(function) for effect in _effects(each)), None)
+def effect_of(function: Callable[..., Any], *, remedy: str = "keep it in the memory") -> str | None:
+    """The first effect of a function beside its result, as a sentence with file and line; `None` without one.
+
+    `remedy` says what is done in place of a change of what is outside.
+    """
+    return next((effect for each in _functions_of(function) for effect in _effects(each, remedy)), None)
 
 
 def with_numpy(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -112,7 +115,7 @@ def _functions_of(function: Any) -> Iterator[FunctionType]:
     yield from found.values()
 
 
-def _effects(function: FunctionType) -> Iterator[str]:
+def _effects(function: FunctionType, remedy: str) -> Iterator[str]:
     file, first = function.__code__.co_filename, function.__code__.co_firstlineno
     try:
         text = textwrap.dedent(inspect.getsource(function))
@@ -138,11 +141,11 @@ def _effects(function: FunctionType) -> Iterator[str]:
                 )
                 yield f"{at}: it {words}: what it does beside its command would happen once; leave it out"
         elif isinstance(node, (ast.Global, ast.Nonlocal)):
-            yield f"{at}: it changes {', '.join(node.names)}, which would happen once; keep it in the memory"
+            yield f"{at}: it changes {', '.join(node.names)}, which would happen once; {remedy}"
         elif isinstance(node, (ast.Subscript, ast.Attribute)) and not isinstance(node.ctx, ast.Load):
             root = _root(node)
             if root is not None and root not in own:
-                yield f"{at}: it changes {root} from outside, which would happen once; keep it in the memory"
+                yield f"{at}: it changes {root} from outside, which would happen once; {remedy}"
 
 
 def _root(node: ast.expr) -> str | None:

@@ -23,6 +23,7 @@ from mrwork.base.values import Floats
 MOST_OPERATIONS: Final = 20_000
 """Most operations of a formula."""
 _MOST_FACTORS = 16
+_OWN = ("mrwork.base.", "mrwork.closed_loop.", "mrwork.dampers.", "mrwork.twins.")
 
 NUMBERS: Final[dict[str, Callable[..., Any]]] = {
     "add": np.add,
@@ -198,7 +199,7 @@ def _frame_of_user() -> Any:
 
 def _is_installed(frame: Any) -> bool:
     """Whether it runs this package or a library."""
-    is_own = frame.f_globals.get("__name__", "").startswith(("mrwork.base.", "mrwork.closed_loop."))
+    is_own = frame.f_globals.get("__name__", "").startswith(_OWN)
     return is_own or "-packages" in frame.f_code.co_filename
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mrwork.base.recording import MOST_OPERATIONS, Node, NotRecordedError, Recording
@@ -49,7 +49,7 @@ class Tape:
     ends: tuple[int, ...]
     n_inputs: int
     n_slots: int
-    lines: tuple[str, ...]
+    lines: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
 
 def tape_of(recording: Recording, inputs: Sequence[int], ends: Sequence[int]) -> Tape:

@@ -11,7 +11,6 @@ from importlib import import_module
 from typing import TextIO
 
 from mrwork.cli.command_parser import CommandParser, VerbHelp
-from mrwork.cli.own_models import admit_equations
 from mrwork.cli.signals import StopSignals
 from mrwork.cli.terminal import note, show, show_all
 from mrwork.errors import MistakesError, MrworkError, MrworkWarning, reason_of
@@ -119,7 +118,6 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
         verb = [argument for argument in arguments if argument in _VERBS][:1]
         options = parser(verb).parse_args(arguments)
         signals.interrupt()
-        admit_equations(options)
         if not getattr(options, "changed", False):
             return int(options.run(options))
         from mrwork.store.run_folder import reading_changed

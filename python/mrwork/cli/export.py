@@ -11,7 +11,6 @@ from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
-from mrwork.cli.own_models import add_trust
 from mrwork.errors import SettingError
 from mrwork.runs.wanted import Target, Wanted
 
@@ -50,7 +49,6 @@ def add_options(parser: CommandParser) -> None:
     file = "file to write, of c and fmu the folder; without it opensees and csv are printed"
     parser.option(OUTPUT, "--out --output", file, named_path, metavar="PATH", dest="output")
     parser.option(OUTPUT, "--replace", "replace files that are there", bool)
-    add_trust(parser)
     end_parser(parser, run, quiet="")
 
 

@@ -10,7 +10,6 @@ from mrwork.base.arguments import Threads
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.numbers import THREADS, named_path
-from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.study.options import StudySeed
@@ -21,7 +20,6 @@ def add_run(parser: CommandParser) -> None:
     parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
     changed = "also read files of RUN that are not as mrwork has written them"
     parser.add_argument("--changed", action="store_true", help=changed)
-    add_trust(parser)
 
 
 def add_threads(parser: CommandParser, workers: str = "") -> None:

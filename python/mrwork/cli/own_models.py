@@ -1,13 +1,11 @@
-"""Dampers of users on the command line: the file that has one, and whether equations of a run folder may run."""
+"""Dampers of users on the command line: the file that has one."""
 
 from __future__ import annotations
 
-import argparse
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.terminal import keep_stdout, note
 from mrwork.errors import SettingError
 
@@ -15,30 +13,6 @@ if TYPE_CHECKING:
     from mrwork.dampers.spec import DamperSpec
 
 _SUFFIX = ".py"
-
-
-def add_trust(parser: CommandParser) -> None:
-    """--trust, and --model of a verb that takes what another has identified."""
-    title = "damper of the user"
-    trust = "let the Python equations run that a run folder has of a damper of its user; read them first"
-    parser.option(title, "--trust", trust, bool)
-    model = "let them run if they equal this file's, which runs as Python"
-    parser.option(title, "--model", model, dest="own_model", metavar="FILE.py:NAME")
-
-
-def admit_equations(options: argparse.Namespace) -> None:
-    """Let equations run as the options of `add_trust` say."""
-    if getattr(options, "trust", False):
-        from mrwork.dampers.own_equations import trust_others
-
-        trust_others(note)
-    model = getattr(options, "own_model", None)
-    if model is not None:
-        if not is_own(model):
-            raise SettingError(
-                f"--model is {model!r}; give FILE.py:NAME, the file and the name of a damper in it"
-            )
-        own_model(model)
 
 
 def is_own(model: str) -> bool:

@@ -12,7 +12,6 @@ from mrwork.cli.derived import add_option_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.output import check_figure, print_result, progress_line, show_results, write_figure
-from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
@@ -74,7 +73,6 @@ def add_options(parser: CommandParser) -> None:
     )
     add_seed(parser)
     add_threads(parser, "the runs without histories")
-    add_trust(parser)
     end_parser(
         parser,
         run,

@@ -11,7 +11,6 @@ from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
-from mrwork.cli.own_models import add_trust
 from mrwork.errors import Interrupted
 from mrwork.store.run_folder import CHOSEN, TUNING_RUN
 from mrwork.study.options import TunedLaws
@@ -46,7 +45,6 @@ def add_options(parser: CommandParser) -> None:
     parser.option(SEARCH, "--quick", quick, bool)
     add_seed(parser, "also of the searches")
     add_threads(parser, "the runs without histories")
-    add_trust(parser)
     end_parser(
         parser,
         run,

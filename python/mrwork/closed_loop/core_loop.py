@@ -89,11 +89,6 @@ class LoopOfRuns:
         """Number of devices that the law commands, which are the first ones."""
         return len(commanded(self.devices))
 
-    @property
-    def is_own(self) -> bool:
-        """Whether some of its dampers are models of the user, which the core does not have."""
-        return any(device.spec.own is not None for device in self.devices)
-
     def core(self) -> CoreLoop:
         """The same for the core, which is made anew in each process."""
         building = _core_building(self.building, self.devices, self.varied)
@@ -124,10 +119,8 @@ class CoreLoop:
     def simulator(
         self, runs: RunsOfLoop, *, histories: bool = False, threads: int = 0, changes: Floats | None = None
     ) -> Simulator:
-        """A function that simulates the runs at some places; with dampers of the user it is one of JAX."""
+        """A function that simulates the runs at some places."""
         loop = self.loop
-        if loop.is_own:
-            return self._simulator_in_jax(runs, histories=histories)
         law, n = loop.law, loop.n_commanded
         with core_refusals():
             dampers = core_dampers(loop.devices, runs.theta)
@@ -153,44 +146,6 @@ class CoreLoop:
                     n_commanded=n,
                     own=own,
                 )
-
-        return simulate
-
-    def _simulator_in_jax(self, runs: RunsOfLoop, *, histories: bool) -> Simulator:
-        # JAX is needed for these dampers only.
-        from mrwork.twins.loop import MATRICES, LoopDevice, believed_devices
-        from mrwork.twins.own_loop import OwnLoop, OwnRuns, respond
-
-        loop, law, hardware = self.loop, self.loop.law, self.loop.hardware
-        gains, start = {}, 0
-        for gain in law.spec.gains:
-            shape = gain.shape_for(loop.n_commanded, 2 * loop.building.n_coordinates)
-            columns = runs.gains[:, start : start + math.prod(shape)]
-            gains[gain.name] = columns.reshape(len(runs.gains), *shape)
-            start += columns.shape[1]
-        devices = tuple(LoopDevice.of(device) for device in loop.devices)
-        layouts = self.building.summary_layout, self.building.history_layout
-        own_loop = OwnLoop(
-            matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in MATRICES},
-            varied=loop.varied,
-            devices=devices,
-            believed=believed_devices(devices[: loop.n_commanded], law.curve),
-            ranges=np.array([_range_of(device) for device in loop.devices]),
-            n_commanded=loop.n_commanded,
-            law=law.name,
-            motions=[wave[:2] for wave in self.waves],
-            sample_time=hardware.sample_time,
-            steps=hardware.steps,
-            delay=hardware.delay_steps,
-            command_rate=hardware.command_rate,
-            step_factor=loop.step_factor,
-            widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
-        )
-        theta = tuple(group[:, index] for group in runs.theta for index in range(group.shape[1]))
-
-        def simulate(places: Places, _: Any = None) -> Any:
-            own_runs = OwnRuns(runs.runs[places], gains, runs.shaping, theta)
-            return *respond(own_loop, own_runs, histories=histories), None
 
         return simulate
 
@@ -237,7 +192,7 @@ def core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_ru
     groups = [[devices[member] for member in group] for group in groups_of(devices)]
     return [
         _rust.Dampers(
-            model=group[0].spec.name,
+            model=group[0].spec.core_name,
             laws=[*map(str, group[0].spec.laws)],
             rates=group[0].spec.n_rates,
             theta=np.ascontiguousarray(parameters),

@@ -80,11 +80,6 @@ def printed_loop(
         motions=(),
         step_factor=1,
     )
-    if loop.is_own:
-        raise SettingError(
-            "a damper with equations in Python is not printed; let a model of the package take its place, by `like` "
-            "of the study or mr.fit_like"
-        )
     core = loop.core()
     with core_refusals():
         return PrintedLoop(

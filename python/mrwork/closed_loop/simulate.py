@@ -43,7 +43,6 @@ from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.laws_of_users import IN_PYTHON, law_in_loop, loop_shape, recorded_for
 from mrwork.closed_loop.observer import loop_observer
-from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
 from mrwork.closed_loop.rows_law import RowsLaw
@@ -198,8 +197,6 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     _check_commands(law, driven)
-    if lacking := beyond_twin(building, devices, hardware, name, motions):
-        raise SettingError(lacking)
     theta = theta_of(devices)
     n_draws = len(theta[-1])
     factors: Floats | None = None
@@ -256,8 +253,6 @@ def simulate_loop(
         step_factor=step_factor,
         own=recorded,
     )
-    if changes is not None and loop.is_own:
-        raise SettingError("a loop with dampers of your own has no slopes; leave the changes of gains out")
     # Every candidate under every motion with every realisation, the last varying fastest.
     shape = n_candidates, len(motions), len(variation)
     candidate, motion, realisation = np.indices(shape, dtype=np.uint32).reshape(3, -1)

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
-from types import ModuleType
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -33,7 +32,6 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
 from mrwork.dampers.laws import CommandLaw
-from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, SettingError, SimulationError
 
@@ -166,11 +164,8 @@ def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.Loadi
     A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
     `simulate_misfits`.
     """
-    rows = _rows(spec, theta)
-    if spec.own is not None:
-        return np.asarray(_own_batches().stiffness(spec, rows, history) / MOST_SUBSTEPS)
     with core_refusals():
-        return _rust.stiffness_shares(spec.name, rows, history, *_laws(spec))
+        return _rust.stiffness_shares(spec.core_name, _rows(spec, theta), history, *_laws(spec))
 
 
 @checked
@@ -187,16 +182,9 @@ def simulate_misfits(
 
     Samples before `first` are simulated and not compared.
     """
-    if spec.own is not None:
-        run = simulate_forces(spec, theta, history, threads=threads)
-        with np.errstate(over="ignore", invalid="ignore"):
-            squared_error = np.sum((run.force - force)[:, first:] ** 2, axis=1)
-        squared_error[run.outcome != Outcome.FINISHED] = np.inf
-        steps = run.substeps.astype(np.uint64) * (history.n_time - 1)
-        return Misfits(squared_error=squared_error, outcome=run.outcome, substeps=run.substeps, steps=steps)
     with core_refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
-            spec.name, _rows(spec, theta), history, force, first, *_laws(spec), threads=threads
+            spec.core_name, _rows(spec, theta), history, force, first, *_laws(spec), threads=threads
         )
     return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 
@@ -215,14 +203,10 @@ def simulate_forces(
     `substep_factor`, a power of two up to 64, multiplies the number of sub-steps from the stiffness bound.
     """
     rows = _rows(spec, theta)
-    if spec.own is not None:
-        force, substeps = _own_batches().forces(spec, rows, history, substep_factor)
-        outcome = _outcome_of(force, substeps)
-    else:
-        with core_refusals():
-            force, outcome, substeps = _rust.force_histories(
-                spec.name, rows, history, *_laws(spec), substep_factor, threads
-            )
+    with core_refusals():
+        force, outcome, substeps = _rust.force_histories(
+            spec.core_name, rows, history, *_laws(spec), substep_factor, threads
+        )
     none = np.empty((len(force), 0, history.n_time))
     return ForceHistories(force=force, jacobian=none, outcome=outcome, substeps=substeps)
 
@@ -253,14 +237,10 @@ def simulate_sensitivities(
     """
     rows = _rows(spec, theta)
     wanted = None if columns is None else [int(column) for column in columns]
-    if spec.own is not None:
-        force, jacobian, substeps = _own_batches().sensitivities(spec, rows, history, wanted)
-        outcome = _outcome_of(force, substeps)
-    else:
-        with core_refusals():
-            force, jacobian, outcome, substeps = _rust.sensitivities(
-                spec.name, rows, history, wanted, *_laws(spec), threads=threads
-            )
+    with core_refusals():
+        force, jacobian, outcome, substeps = _rust.sensitivities(
+            spec.core_name, rows, history, wanted, *_laws(spec), threads=threads
+        )
     return ForceHistories(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 
 
@@ -326,19 +306,6 @@ def core_refusals() -> Iterator[None]:
         raise
     except (ValueError, OverflowError) as error:
         raise SettingError(str(error)) from error
-
-
-def _own_batches() -> ModuleType:
-    """What simulates a damper of the user, by JAX, which nothing else here needs."""
-    from mrwork.twins import own_batches
-
-    return own_batches
-
-
-def _outcome_of(force: Floats, substeps: NDArray[np.uint32]) -> NDArray[np.uint8]:
-    """Outcome of the rows of a damper of the user, of which those without sub-steps are unresolved."""
-    diverged = np.where(np.isfinite(force).all(axis=1), Outcome.FINISHED, Outcome.DIVERGED)
-    return np.where(substeps == 0, Outcome.UNRESOLVED, diverged).astype(np.uint8)
 
 
 def _laws(spec: DamperSpec) -> tuple[list[str], int]:
@@ -446,7 +413,7 @@ def flops_per_step(model: DamperSpec | str, theta: Annotated[AnyNumbers, Shape((
     Raises
     ------
     SettingError
-        Where the parameters do not fit the model, it has current laws, or it is a damper of your own.
+        Where the parameters do not fit the model, or it has current laws.
 
     Examples
     --------
@@ -455,9 +422,7 @@ def flops_per_step(model: DamperSpec | str, theta: Annotated[AnyNumbers, Shape((
     True
     """
     spec = damper(model) if isinstance(model, str) else model
-    if spec.command_unit is not None or spec.own is not None:
-        raise SettingError(
-            f"operations of {spec.name} are not counted; give a model of the package without current laws"
-        )
+    if spec.command_unit is not None:
+        raise SettingError(f"operations of {spec.name} are not counted; give a model without current laws")
     with core_refusals():
-        return _rust.flops_per_step(spec.name, np.ascontiguousarray(theta, dtype=np.float64))
+        return _rust.flops_per_step(spec.core_name, np.ascontiguousarray(theta, dtype=np.float64))

@@ -112,6 +112,11 @@ class DamperSpec(Summarised):
         return f"has no parameter {unknown[0]!r} of its spring" if unknown else ""
 
     @property
+    def core_name(self) -> str:
+        """The name by which the core knows the model: of a damper of the user one that its equations have."""
+        return self.name if self.own is None else self.own.core_name(self.plain, self.n_states)
+
+    @property
     def without_laws(self) -> DamperSpec:
         """The plain model, whose parameters are constant."""
         laws = (CONSTANT,) * len(self.plain)

@@ -264,7 +264,7 @@ class FittedDamper:
 
     `draws` reads its posterior draws, shape (n_draws, n_params), `None` where there are none. `others` are the same
     damper with other sets of laws that predict nearly as well. `files` are the files of a run folder that has it, by
-    name. `like` fits a model to its force, which takes its place; a `remark` of that says how close it is.
+    name.
     """
 
     spec: DamperSpec
@@ -273,8 +273,6 @@ class FittedDamper:
     draws: Callable[[], Floats | None] = lambda: None
     others: tuple[FittedDamper, ...] = ()
     files: Callable[[], Mapping[str, bytes]] = dict
-    like: Callable[[str], FittedDamper] | None = None
-    remark: str = ""
 
 
 def outside_of(

@@ -67,7 +67,7 @@ def damper_source(
     names = c_names([parameter.name for parameter in spec.parameters])
     laws = [str(law) for law in spec.laws]
     text = _rust.damper_text(
-        spec.name,
+        spec.core_name,
         [f"parameters->{each}" for each in names],
         sample_time / substeps,
         laws,
@@ -221,7 +221,7 @@ def _sampled(spec: DamperSpec, theta: Floats, motion: Loading, dt: float, subste
         np.zeros(len(velocity)) if motion.command is None else np.asarray(motion.command, dtype=np.float64)
     )
     force = _rust.straight_forces(
-        spec.name,
+        spec.core_name,
         theta,
         motion.displacement,
         velocity,

@@ -47,11 +47,26 @@ def read_fit(path: str | Path) -> Fit:
 
 def fit_of(run: RunFolder) -> Fit:
     """The fit of a run folder with the other fits that are as good; refused where `fit.json` is missing."""
-    fit = run.read(Fit, FIT)
+    try:
+        fit = run.read(Fit, FIT)
+    except RecordError:
+        if _is_text_of_python(run.document(FIT)):
+            raise RecordError(
+                f"{run.path / FIT} has the equations of a damper of its user as Python alone, which is no longer run; "
+                "run `mrwork identify` again with --model FILE.py:NAME"
+            ) from None
+        raise
     if fit is None:
         raise RecordError(f"{run.path / FIT} is missing; run `mrwork identify` again")
     stored = run.read(OtherFits, NEAR_SETS)
     return fit if stored is None else replace(fit, others=stored.fits)
+
+
+def _is_text_of_python(document: Mapping[str, Any]) -> bool:
+    """Whether the model of a fit has names of functions in place of tapes, as before there were tapes."""
+    spec = document.get("own")
+    own = spec.get("own") if isinstance(spec, Mapping) else None
+    return isinstance(own, Mapping) and isinstance(own.get("force"), str)
 
 
 def manifest_of(fit: Fit, status: str) -> dict[str, object]:

@@ -299,7 +299,7 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
     They end on excerpts; their standard errors are for the whole tests.
     """
     spec, objective = fit.spec, problem.objective
-    if spec.command_unit is None or spec.own is not None:
+    if spec.command_unit is None:
         return ()
     tested = CommandedTests.of(spec, objective.tests)
     if not tested.has_levels:

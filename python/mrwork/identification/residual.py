@@ -314,8 +314,8 @@ class ObservedTest:
 
     @property
     def held_command(self) -> float | None:
-        """The constant command of laws of a model of ours; `None` where there are no laws, or it varies."""
-        if not self.spec.follows_command or self.spec.own is not None or self.ties is not None:
+        """The constant command of laws; `None` where there are no laws, or it varies."""
+        if not self.spec.follows_command or self.ties is not None:
             return None
         command = self.test.command_in(self.spec.command_unit)
         return float(command) if isinstance(command, int | float) else None

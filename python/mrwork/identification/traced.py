@@ -31,7 +31,8 @@ from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
 from mrwork.records.observation import AS_IT_IS, Effect, observe_by
 from mrwork.twins.kernel import Kernel
-from mrwork.twins.models import on_processor, root
+from mrwork.twins.models import on_processor
+from mrwork.twins.powers import root
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.traced_function import TracedFunction
 

@@ -17,8 +17,8 @@ from mrwork.errors import SettingError
 from mrwork.identification.candidates import loading_for
 from mrwork.records import DamperTest
 from mrwork.twins.models import begin, evaluate_on_processor, parameters_at, twin_of
-from mrwork.twins.own_stepping import simulate
 from mrwork.twins.record_arrays import RecordArrays
+from mrwork.twins.stepping import simulate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

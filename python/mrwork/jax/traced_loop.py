@@ -22,7 +22,6 @@ from mrwork.base.values import Floats
 from mrwork.buildings.device import Device
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.own_runs import lacking_in_twin
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
@@ -42,7 +41,6 @@ from mrwork.twins.loop import (
 from mrwork.twins.loop_ground import stage_values
 from mrwork.twins.loop_laws import LAWS
 from mrwork.twins.models import on_processor
-from mrwork.twins.own_batches import power_of_two
 
 _PRESCRIBED = ""
 # What a step of a sample may be multiplied by, as the core does.
@@ -111,7 +109,7 @@ class Loop(Summarised):
         """The results for inputs, by default its own; without `histories` the history is empty."""
         inputs, hardware, steps = self.inputs if inputs is None else inputs, self.hardware, self.steps
         n_samples = len(self.time) - 1
-        n_kept = power_of_two(n_samples, STRETCH)
+        n_kept = 1 << (max(n_samples, STRETCH) - 1).bit_length()
         delay = hardware.delay_steps * (steps // hardware.steps)
         with on_processor():
             ground = stage_values(
@@ -272,7 +270,7 @@ def loop(
             f"the loop in JAX sends its own commands to {list_names(held)}; leave out the `command` of the device, and "
             "give a table of commands for all"
         )
-    if lacking := lacking_in_twin(building, hardware, name, [motion]):
+    if lacking := _lacking(building, hardware, name, motion):
         raise SettingError(
             f"the loop in JAX cannot have {', or '.join(lacking)}; simulate it by mr.simulate_loop"
         )
@@ -322,6 +320,23 @@ def loop(
         largest=largest,
         shaping=(shaping[0], min(shaping[1], hardware.command_rate) * hardware.sample_time),
     )
+
+
+def _lacking(building: Building, hardware: Hardware, law: str, motion: GroundMotion) -> list[str]:
+    """What the loop in JAX does not have, in words."""
+    noisy = any(noise or resolution for noise, resolution in hardware.sensors)
+    return [
+        name
+        for name, wanted in (
+            (f"the law {law}", law not in (_PRESCRIBED, *LAWS)),
+            ("passive elements, yield or P-delta", bool(building.elements or building.nonlinear)),
+            ("an observer", hardware.feedback != "state"),
+            ("sensors with noise or a resolution", noisy),
+            ("faults", bool(hardware.faults)),
+            ("forces on floors", bool(motion.forces.size)),
+        )
+        if wanted
+    ]
 
 
 def _steps_of(

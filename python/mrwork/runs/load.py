@@ -76,14 +76,12 @@ class StoredRun(Plotted, Summarised):
 
 
 @overload
-def load(run: str | Path, kind: type[RunT], *, trust: bool = False, changed: bool = False) -> RunT: ...
+def load(run: str | Path, kind: type[RunT], *, changed: bool = False) -> RunT: ...
 @overload
-def load(
-    run: str | Path, kind: None = None, *, trust: bool = False, changed: bool = False
-) -> StoredRun | StudyResults: ...
+def load(run: str | Path, kind: None = None, *, changed: bool = False) -> StoredRun | StudyResults: ...
 @checked
 def load(
-    run: str | Path, kind: type[Any] | None = None, *, trust: bool = False, changed: bool = False
+    run: str | Path, kind: type[Any] | None = None, *, changed: bool = False
 ) -> StoredRun | StudyResults:
     """Read back the run folder of any verb.
 
@@ -94,9 +92,6 @@ def load(
     kind
         The type that is expected: a folder of another is refused, and checkers of types know what is returned. By
         default any.
-    trust
-        Let the Python equations of a damper of its user run with your rights, where the fit is of one; its numbers are
-        read without.
     changed
         Also read files that are not as mrwork has written them, which its manifest tells by their digests.
 
@@ -125,8 +120,6 @@ def load(
     path = Path(run)
     with reading_changed(changed):
         stored = read_run(path)
-        if trust and isinstance(stored, Fit) and stored.spec.own is not None:
-            stored.spec.own.trust()
         held = with_additions(RunFolder.open(path), stored) if isinstance(stored, Fit) else stored
     if kind is not None and not isinstance(held, kind):
         raise RecordError(

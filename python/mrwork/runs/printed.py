@@ -29,11 +29,6 @@ from mrwork.study.trials import designed
 
 def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None) -> CSource:
     """The C of the damper of a fit; what the records add to its force is left out, and told in the head."""
-    if fit.spec.own is not None:
-        raise SettingError(
-            f"{fit.model} has equations in Python, which are not printed as C; fit a model of the package to it by "
-            "mr.fit_like, and export that"
-        )
     refuse_bounds(fit)
     of_tests = f"{fit.fit_percent:.2f} % of {len(fit.quality)} test{'s' if len(fit.quality) > 1 else ''}"
     return damper_source(

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from warnings import warn
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from mrwork.closed_loop.user_law import Command, UserLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.laws.law_problem import LawSettings
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import MrworkWarning, SettingError
+from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.run_folder import FIT, FIT_RUN, RunFolder
 from mrwork.store.run_writer import with_manifest
@@ -59,18 +58,6 @@ def fitted_damper(run: Path) -> FittedDamper:
         for other in fit.others
     )
     return replace(chosen, others=others)
-
-
-def _like(fit: Fit, model: str) -> FittedDamper:
-    from mrwork.identification.fit_like import fit_like
-
-    near = fit_like(fit, model)
-    warn(
-        f"{model} takes the place of {fit.model} in the study: {near.remarks[0].message}",
-        MrworkWarning,
-        stacklevel=2,
-    )
-    return FittedDamper(spec=near.spec, theta=near.theta, tested=near.tested, remark=near.remarks[0].message)
 
 
 @checked
@@ -294,6 +281,4 @@ def _damper_of(fit: Fit) -> FittedDamper:
 
         return with_manifest({FIT: fit_content(fit)}, manifest_of(fit, fit.status), FIT_RUN)
 
-    return FittedDamper(
-        spec=fit.spec, theta=fit.theta, tested=fit.tested, files=files, like=cache(partial(_like, fit))
-    )
+    return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, files=files)

@@ -19,8 +19,6 @@ from mrwork.base.units import number_in
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_forces, sends_shares
-from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law, refuse_units
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings
@@ -100,7 +98,6 @@ def arrangements(
     bare: Building,
     problem: DesignProblem,
     folder: Path,
-    hardware: Hardware,
     found: Sequence[FoundLaw],
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
@@ -121,7 +118,7 @@ def arrangements(
             if kind == "baseline":
                 return _baseline(table.baseline[number], table, without, folder)
             return _arrange_controller(
-                table.controller[number], number, found[number], problem, at_zero, folder, hardware
+                table.controller[number], number, found[number], problem, at_zero, folder
             )
 
     numbers = (("baseline", len(table.baseline)), ("controller", len(table.controller)))
@@ -151,7 +148,6 @@ def _arrange_controller(
     problem: DesignProblem,
     at_zero: Arrangement,
     folder: Path,
-    hardware: Hardware,
 ) -> Arrangement:
     """The building with its dampers under the law of a table; one at i = 0 has a label if the table has."""
     if not problem.devices:
@@ -162,7 +158,7 @@ def _arrange_controller(
             f" of {controller.user.file}" if isinstance(controller.user.file, str) else ", a law of the user"
         )
         controller = replace(controller, law=found.name, user=None)
-    _refuse_command(controller, problem, hardware)
+    _refuse_command(controller, problem)
     limited, unit = _limit_command(controller, problem)
     slope = controller.slope_in(unit)
     refuse_rate(limited.devices, math.inf if unit == "N" else slope, "command_slope")
@@ -230,8 +226,8 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> tuple
     raise InvalidSettingError("largest_command", f"largest_command is {limit:g}, and {most}")
 
 
-def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardware: Hardware) -> None:
-    """Refuse a law that the dampers cannot have: passive ones, or dampers of the user, which the twin simulates."""
+def _refuse_command(controller: ControllerTable, problem: DesignProblem) -> None:
+    """Refuse a law that the dampers cannot have, as passive ones."""
     constant = CONSTANT_LAWS.get(controller.law)
     key, name = "law", controller.law
     if controller.process is not None:
@@ -251,9 +247,6 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
     if key == "law":
         with keyed(key):
             refuse_units(of_registry or control_law("passive"), problem.devices)
-    lacking = beyond_twin(problem.building, problem.devices, hardware, name)
-    if needs_command and constant is None and lacking:
-        raise InvalidSettingError(key, lacking)
 
 
 def baseline_building(changes: BuildingTable, table: StudyTable, folder: Path) -> Building:

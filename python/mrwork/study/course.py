@@ -17,10 +17,10 @@ from mrwork.buildings.groups import commanded, products_of
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.study.study import Arrangement, Study, commands_force
+from mrwork.study.study import Arrangement, Study
 from mrwork.workers.engine import by_whom
 
-Kind = Literal["without dampers", "core", "rollout", "Python", "JAX"]
+Kind = Literal["without dampers", "core", "rollout", "Python"]
 """What a row is simulated by: runs of one kind have one rate."""
 
 What = Literal["constant commands", "runs", "realisations", "runs with half the step"]
@@ -135,8 +135,6 @@ def _kind_of(arrangement: Arrangement) -> Kind:
         return "without dampers"
     if law is not None and not isinstance(law, ControlLaw):
         return "Python"
-    if any(device.spec.own is not None for device in arrangement.devices) and not commands_force(arrangement):
-        return "JAX"
     return "core" if law is None or not law.spec.needs_model else "rollout"
 
 

@@ -9,6 +9,7 @@ from itertools import chain, islice
 from math import cos, inf
 from pathlib import Path
 from typing import TypeAlias, get_args
+from warnings import warn
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.errors import InvalidSettingError, MrworkWarning, SettingError
 from mrwork.study.schema import DamperTable, StudyTable
 
 Identified = Callable[[Path], FittedDamper]
@@ -51,7 +52,12 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
         known = fitted_of(table, folder, identified)
         largest = _largest_tested(known)
         source = f"run {table.run}" if isinstance(table.run, str) else "a fit"
-        source += "" if table.like is None else f", taken as {table.like}: {known.remark}"
+        if table.like is not None:
+            warn(
+                f"like = {table.like!r} is passed over: {source} is simulated itself",
+                MrworkWarning,
+                stacklevel=2,
+            )
     else:
         source = "parameters of the study"
     known_spec = _model(table.model) if known is None else known.spec
@@ -140,13 +146,10 @@ def _preset(table: DamperTable, name: str) -> Preset:
 
 
 def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> FittedDamper:
-    """The fit of a table or of its run folder, relative to `folder`, or the model that takes its place."""
+    """The fit of a table or of its run folder, relative to `folder`."""
     assert table.run is not None
     with keyed("run"):
-        fitted = identified(folder / table.run) if isinstance(table.run, str) else table.run
-    if table.like is None or fitted.like is None:
-        return fitted
-    return fitted.like(_model(table.like, "like").name)
+        return identified(folder / table.run) if isinstance(table.run, str) else table.run
 
 
 # The rate of a lag, or its rates of a rising and of a falling current [1/s]; `None` without a lag.
@@ -202,7 +205,7 @@ class OtherSet:
 
 def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
     """The sets that every run of the tables has, and that the tables do not refuse."""
-    names = (table.run for table in tables if isinstance(table.run, str) and table.like is None)
+    names = (table.run for table in tables if isinstance(table.run, str))
     fits = {folder / run: identified(folder / run) for run in names}
     sets = []
     for wanted in next((fit.others for fit in fits.values() if fit.others), ()):

@@ -31,7 +31,6 @@ from mrwork.buildings.groups import commanded, refuse_rate
 from mrwork.buildings.yielding import elastic_frame
 from mrwork.closed_loop.evaluation import Scales, criterion, on_request
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.responses import command_unit_of
 from mrwork.control.laws.law_problem import DesignProblem, ReferencePeaks
@@ -232,11 +231,6 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
                     limit_of({name: value}, command_unit_of(devices), Scales.of(bare))
         with part(), keyed("hardware"):
             refuse_rate(devices, hardware.command_rate, "command_rate")
-        with part():
-            if lacking := beyond_twin(
-                building, devices, hardware, motions=[motion.ground for motion in motions]
-            ):
-                raise InvalidSettingError(("damper", 0), lacking)
     chosen_on = tuple(motion.ground for motion in designed_on)
 
     @cache
@@ -274,7 +268,7 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
         amplitude=expected("amplitude"),
         velocity=expected("velocity"),
     )
-    compared = arrangements(table, bare, problem, inputs.folder, hardware, inputs.laws)
+    compared = arrangements(table, bare, problem, inputs.folder, inputs.laws)
     labels = [arrangement.row.label for arrangement in compared]
     refuse_same(labels, "controller", "arrangements", "label")
     with keyed("report", "controllers"):

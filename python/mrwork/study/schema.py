@@ -290,8 +290,8 @@ class DamperTable(Stated):
         "folder of an identified run, relative to the study file", file=True
     )
     like: str | None = optional(
-        "model of the package that is fitted to the force of the run, and takes its place: a damper of the user, which "
-        "runs by JAX with few laws, then runs with all"
+        "of earlier versions, which had another model run in place of a damper of the user; it is passed over, and the "
+        "damper of the run is simulated itself"
     )
     model: str | DamperSpec | None = optional(
         "model of the parameters, or of the preset if two models have one of that name"
@@ -374,8 +374,6 @@ class DamperTable(Stated):
             yield (), "[[damper]] has a preset and a run; give one of them"
         if self.preset is None and self.run is None and self.model is None:
             yield (), "[[damper]] names no damper; give a preset, a run, or a model with parameters"
-        if self.run is None and self.like is not None:
-            yield "like", "like is fitted to the force of a run; leave it out, or give a run"
         if self.run is not None and self.model is not None:
             yield "model", "the run has its own model; leave model out"
         if self.angle is not None and self.row is not None:

@@ -237,10 +237,6 @@ def without_gradient(study: Study, table: TuneTable) -> str:
             any(resolution for _, resolution in study.hardware.sensors),
             "sensors of a resolution round what they read, which has no gradient; leave the resolution out",
         ),
-        (
-            any(device.spec.own is not None for device in study.devices),
-            "dampers of the core have gradients, and these are your own; tune without gradients",
-        ),
     ):
         if excluded:
             return sentence

@@ -17,7 +17,6 @@ from mrwork.base.keys import given_in
 from mrwork.base.places import Place, keyed, read_each
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.closed_loop.evaluation import Scales
-from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search.registry import library
@@ -288,10 +287,6 @@ def objective_for(table: TuneTable, study: Study) -> TuningObjective:
         except SettingError as reason:
             sentence = f"a front over several objectives takes NSGA-II: {reason}"
             raise InvalidSettingError("objectives", sentence) from None
-    base = study.at_zero
-    for law in table.laws:
-        if lacking := beyond_twin(base.building, base.devices, study.hardware, law):
-            raise InvalidSettingError("laws", lacking)
     if table.gradient_steps and (lacking := without_gradient(study, table)):
         raise InvalidSettingError("gradient_steps", f"{lacking}, or leave gradient_steps out")
     return objective_of(table, study.command_unit, Scales.of(study.building), study.scored)

@@ -1,2 +1,2 @@
-from .models import power as power
-from .own_stepping import simulate as simulate
+from .powers import power as power
+from .stepping import simulate as simulate

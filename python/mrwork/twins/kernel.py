@@ -15,17 +15,15 @@ import jax.interpreters.batching
 import jax.interpreters.mlir
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
+from jax import Array
 from jax.custom_derivatives import SymbolicZero
 from jax.extend.core import Primitive
 
 from mrwork import _rust
-from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError
 from mrwork.store.codec import package_version
-from mrwork.twins.models import begin, twin_of
-from mrwork.twins.own_stepping import FINER, N_LEVELS, RESOLUTION, Rows, fastest, simulate_one, whole_steps
+from mrwork.twins.models import begin
 from mrwork.twins.record_arrays import RecordArrays
 
 # jax leaves these unannotated.
@@ -93,12 +91,6 @@ _interpreters.mlir.register_lowering(_on_processor, _refuse_device)
 
 def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bool) -> tuple[Array, ...]:
     """The operation: force, and derivatives, (..., n_columns, n_time), if wanted."""
-    if kernel.spec.own is not None:
-        columns = kernel.columns if derivatives else ()
-        force = partial(_own_force, kernel.spec, columns, kernel.substeps)
-        for _ in theta.shape[:-1]:
-            force = jax.vmap(force, in_axes=(0, None))
-        return force(theta, record)
     leading = theta.shape[:-1]
     alone = [array.reshape(*(1 for _ in leading), *array.shape) for array in record]
     shapes = [(*leading, record.n_time)]
@@ -110,7 +102,7 @@ def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bo
     results = call(
         _on_processor.bind(theta),
         *alone,
-        model=kernel.spec.name,
+        model=kernel.spec.core_name,
         laws="\n".join(map(str, kernel.spec.laws)),
         rates=np.int64(kernel.spec.n_rates),
         columns=np.array(kernel.columns, dtype=np.int64),
@@ -150,43 +142,3 @@ def _refuse_second(kernel: Kernel, primals: object, tangents: object) -> Any:
     raise SettingError(
         "the forces of mr.jax have first derivatives; take second ones from mr.jax.twin, or by differences of gradients"
     )
-
-
-def _own_force(
-    spec: DamperSpec, columns: tuple[int, ...], substeps: int, theta: Array, record: RecordArrays
-) -> tuple[Array, Array]:
-    """Force of one candidate of a damper of the user [N], (n_time,), and its derivatives, (n_columns, n_time).
-
-    Both are infinite and zero where it failed. Sub-steps follow the rule of `own_batches` where `substeps` is 0.
-    """
-    count = jnp.asarray(substeps) if substeps else _own_count(spec, lax.stop_gradient(theta), record)
-
-    def simulated(row: Array) -> Array:
-        return simulate_one(spec, row, record, jnp.maximum(count, 1), bounded=False)[0]
-
-    force, directions = simulated(theta), jnp.eye(len(theta))[jnp.array(columns, dtype=int)]
-    slopes = jax.vmap(lambda direction: jax.jvp(simulated, (theta,), (direction,))[1])(directions)
-    finished = (count > 0) & jnp.all(jnp.isfinite(force)) & jnp.all(jnp.isfinite(slopes))
-    return jnp.where(finished, force, jnp.inf), jnp.where(finished, slopes, 0.0)
-
-
-def _own_count(spec: DamperSpec, theta: Array, record: RecordArrays) -> Array:
-    """Sub-steps that a candidate wants; 0 if they are too many."""
-    if not spec.n_states:
-        return jnp.asarray(1)
-    scale, rows = record.facts[0] / RESOLUTION, Rows(theta[None], record, record.n_time, 1)
-    if twin_of(spec).relaxation is not None:
-        levels = jnp.linspace(jnp.min(record.command), jnp.max(record.command), N_LEVELS)
-        count: Array = whole_steps(fastest(rows, levels, spec=spec)[0] * scale, MOST_SUBSTEPS, jnp)
-        return count
-
-    def finer(carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        count, _ = carry
-        force, bound = simulate_one(spec, theta, record, count, bounded=True)
-        wanted = jnp.where(jnp.all(jnp.isfinite(force)), bound * scale, float(FINER) * count)
-        # NaN at rest stays NaN however fine the step.
-        substeps = whole_steps(jnp.where(jnp.isfinite(force[0]), wanted, 1.0), MOST_SUBSTEPS, jnp)
-        return jnp.where((substeps > count) | (substeps == 0), substeps, count), (substeps > count)
-
-    count, _ = lax.while_loop(lambda carry: carry[1], finer, (jnp.asarray(1), jnp.asarray(True)))
-    return count

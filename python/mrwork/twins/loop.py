@@ -21,8 +21,8 @@ from mrwork import _rust
 from mrwork.base.values import array_dataclass
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop_laws import Measurement
-from mrwork.twins.models import left_of_lag, parameters_at, root, twin_of
-from mrwork.twins.own_stepping import radius_of
+from mrwork.twins.models import left_of_lag, parameters_at, twin_of
+from mrwork.twins.powers import root
 
 # As STEPS_PER_CHECK of `block.rs`.
 _STEPS_PER_CHECK = 512
@@ -107,18 +107,6 @@ class LoopDevice:
             rates.append(twin.rate(p, states[1], -x, -v))
         return force, jnp.stack(rates)
 
-    def relaxation(self, p: Any, states: Array, x: Array, v: Array) -> Array:
-        """Bound of the fastest relaxation of the states [1/s]."""
-        twin = twin_of(self.spec)
-        largest: Array = jnp.float64(0.0)
-        for state, sign in zip(states if self.spec.n_states else (), (1.0, -1.0), strict=False):
-            at = sign * x, sign * v
-            bound = (
-                radius_of(twin.rate, p, state, *at) if twin.relaxation is None else twin.relaxation(p, *at)
-            )
-            largest = jnp.maximum(largest, bound)
-        return largest
-
 
 Devices = tuple[LoopDevice, ...]
 
@@ -194,10 +182,7 @@ class Stage(NamedTuple):
 
 
 class Reductions(NamedTuple):
-    """Accumulated numbers of a run: peaks and squares of all signals, sums of currents, commands, energy balance.
-
-    `bound` bounds the rates of the dampers' states [1/s], `invalid` says whether a command was not a number.
-    """
+    """Accumulated numbers of a run: peaks and squares of all signals, sums of currents, commands, energy balance."""
 
     peak: Array
     squares: Array
@@ -205,8 +190,6 @@ class Reductions(NamedTuple):
     command: Travel
     imbalance: Array
     turnover: Array
-    bound: Array
-    invalid: Array
 
 
 class LoopCarry(NamedTuple):
@@ -229,10 +212,9 @@ class AtSample(NamedTuple):
 class LoopRun(NamedTuple):
     """A run: building, devices with those that the law believes in, its numbers, and the timing of the loop.
 
-    The law commands the first devices, of which `largest` are the largest commands; the others hold the commands
-    `held`. `dead_zone` is the damper velocity [m/s] below which the command is zero, `furthest` the largest change of
-    the command from sample to sample, `delay` the delay of the command in integration steps. `ground` has the
-    acceleration at start, middle and end of each step [m/s^2], shape (3 n_steps,), padded.
+    `largest` are the largest commands. `dead_zone` is the damper velocity [m/s] below which the command is zero,
+    `furthest` the largest change of the command from sample to sample, `delay` the delay of the command in integration
+    steps. `ground` has the acceleration at start, middle and end of each step [m/s^2], shape (3 n_steps,), padded.
     """
 
     plant: LoopPlant
@@ -245,17 +227,14 @@ class LoopRun(NamedTuple):
     delay: Array | int
     sample_time: Array | float
     ground: Array
-    held: ArrayLike = ()
 
 
 class LoopResult(NamedTuple):
-    """Quantities of a run by name, rows of its history, (n_kept, n) and (n,) at the end, and see `Reductions`."""
+    """Quantities of a run by name, and rows of its history, (n_kept, n) and (n,) at the end."""
 
     numbers: dict[str, Array]
     rows: Array
     end: Array
-    bound: Array
-    invalid: Array
 
 
 def simulate(
@@ -267,7 +246,6 @@ def simulate(
     depth: int,
     prescribed: Array | None = None,
     histories: bool = False,
-    bounded: bool = False,
 ) -> LoopResult:
     """Simulate a run over `n_samples` of at most `n_kept`, which is a multiple of `STRETCH`.
 
@@ -275,7 +253,7 @@ def simulate(
     in reverse mode. `depth` is the number of commands that are on their way at most, and one; `prescribed` are
     commands at the samples, shape (n_kept, n_devices).
     """
-    loop = _Loop(run, steps, histories=histories, bounded=bounded)
+    loop = _Loop(run, steps, histories=histories)
     ground = run.ground.reshape(n_kept, -1) if isinstance(steps, int) else None
 
     def sample(carry: LoopCarry, at: AtSample) -> tuple[LoopCarry, Array]:
@@ -295,14 +273,12 @@ def simulate(
 
 
 class _Loop:
-    def __init__(self, run: LoopRun, steps: Array | int, *, histories: bool, bounded: bool) -> None:
-        self.run, self.steps, self.histories, self.bounded = run, steps, histories, bounded
+    def __init__(self, run: LoopRun, steps: Array | int, *, histories: bool) -> None:
+        self.run, self.steps, self.histories = run, steps, histories
         self.rows = jnp.stack([device.row for device in run.devices])
         # M^-1 e' of all devices, shape (n, n_devices).
         self.pulls = jnp.linalg.solve(run.plant.mass, self.rows.T)
         self.lagged = jnp.array([device.spec.n_rates > 0 for device in run.devices])
-        self.fixed = jnp.asarray(run.held, dtype=jnp.float64)
-        self.n_driven = len(run.devices) - len(self.fixed)
         self.h = run.sample_time / steps
 
     def start(self, depth: int) -> LoopCarry:
@@ -318,8 +294,6 @@ class _Loop:
             command=Travel(*6 * [still]),
             imbalance=zero,
             turnover=zero,
-            bound=zero,
-            invalid=jnp.bool_(False),
         )
         return LoopCarry(motion, still, jnp.zeros((depth, len(still))), reductions)
 
@@ -330,44 +304,31 @@ class _Loop:
         checked = at.number % jnp.maximum(_STEPS_PER_CHECK // self.steps, 1) == 0
         reductions = jax.tree.map(partial(jnp.where, checked), self.balanced(motion, reductions), reductions)
 
-        n = self.n_driven
-
         def force_at(currents: Array) -> Array:
             if run.believed is None:
-                return self.forces(run.devices[:n], motion.states, currents, x, v)
+                return self.forces(run.devices, motion.states, currents, x, v)
             return self.forces(run.believed, [device.at_rest for device in run.believed], currents, x, v)
 
         measured = Measurement(
             state=jnp.concatenate([motion.q, motion.v]),
-            deformation=x[:n],
-            rate=v[:n],
-            force=self.forces(run.devices[:n], motion.states, carry.received, x, v),
+            deformation=x,
+            rate=v,
+            force=self.forces(run.devices, motion.states, carry.received, x, v),
             force_at=force_at,
             largest=run.largest,
             prescribed=at.prescribed,
         )
         raw = run.law(measured)
         command = jnp.clip(jnp.where(jnp.isnan(raw), 0.0, raw), 0.0, run.largest)
-        command = jnp.where(jnp.abs(v[:n]) < run.dead_zone, 0.0, command)
-        before = carry.commands[0, :n]
+        command = jnp.where(jnp.abs(v) < run.dead_zone, 0.0, command)
+        before = carry.commands[0]
         command = jnp.where(first, command, jnp.clip(command, before - run.furthest, before + run.furthest))
-        command = jnp.concatenate([command, self.fixed])
         commands = jnp.concatenate([command[None], carry.commands[:-1]])
         # The first command is in force from the start.
         commands = jnp.where(first, command, commands)
         received = jnp.where(first, command, carry.received)
         current = jnp.where(self.lagged, received, commands[self.age(0)])
-        largest = jnp.concatenate([run.largest, jnp.ones_like(self.fixed)])
-        reductions = reductions._replace(
-            command=reductions.command.with_sample(command, largest, first),
-            invalid=reductions.invalid | jnp.isnan(raw).any(),
-        )
-        if self.bounded:
-            relaxations = (
-                device.relaxation(device.parameters(current[index]), motion.states[index], x[index], v[index])
-                for index, device in enumerate(run.devices)
-            )
-            reductions = reductions._replace(bound=jnp.max(jnp.stack([reductions.bound, *relaxations])))
+        reductions = reductions._replace(command=reductions.command.with_sample(command, run.largest, first))
         # The ground of this sample alone has a derivative that is cheap.
         ground, offset = (run.ground, 3 * at.number * self.steps) if at.ground is None else (at.ground, 0)
         row = self.row(motion, current, command, ground[offset])
@@ -541,8 +502,6 @@ class _Loop:
             rows=rows,
             # No sample follows: the last command is still held.
             end=self.row(motion, current, last.commands[0], a_g),
-            bound=reductions.bound,
-            invalid=reductions.invalid,
         )
 
 

@@ -24,6 +24,8 @@ from jax import Array
 from mrwork.base.progress import note_compilation
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
+from mrwork.twins.powers import power
+from mrwork.twins.tape_twin import equations_of
 
 jax.monitoring.register_event_duration_secs_listener(note_compilation)
 # The Rust core computes in double precision, and the twins must agree with it.
@@ -55,18 +57,6 @@ def _twin(*, rate: Equation = _without_states) -> Callable[[Equation], Equation]
         return force
 
     return enter
-
-
-def power(base: Array, exponent: Array) -> Array:
-    """`base ** exponent` for base >= 0 and exponent >= 1, with finite derivatives at zero."""
-    positive = base > 0.0
-    return jnp.where(positive, jnp.where(positive, base, 1.0) ** exponent, 0.0)
-
-
-def root(square: Array) -> Array:
-    """Square root, with a derivative of zero at zero."""
-    positive = square > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
 
 
 @_twin()
@@ -181,13 +171,13 @@ def lugre(p: Parameters, state: Array, x: Array, v: Array) -> Array:
 
 def _spencer_loop(p: Parameters, z: Array, v: Array) -> Array:
     """z' = -gamma |v| z |z|^(n-1) - beta v |z|^n + A v (Spencer et al. 1997)."""
-    z_n = power(jnp.abs(z), p.n)
+    z_n: Array = power(jnp.abs(z), p.n)
     return -p.gamma * jnp.abs(v) * jnp.sign(z) * z_n - p.beta * v * z_n + p.A * v
 
 
 def _normalised_loop(p: Parameters, w: Array, v: Array) -> Array:
     """w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n) (Ikhouane and Rodellar)."""
-    w_n = power(jnp.abs(w), p.n)
+    w_n: Array = power(jnp.abs(w), p.n)
     return p.rho * (v - p.sigma * jnp.abs(v) * jnp.sign(w) * w_n + (p.sigma - 1.0) * v * w_n)
 
 
@@ -279,16 +269,11 @@ for _model, _damping in (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """Equations of a damper model, of `Theta` in spec order: `rate` of the states, (n_states,), and `force` [N].
-
-    `relaxation` bounds the fastest relaxation of the states [1/s] at a displacement and velocity, where the user of
-    a damper of their own gives it.
-    """
+    """Equations of a damper model, of `Theta` in spec order: `rate` of the states, (n_states,), and `force` [N]."""
 
     Theta: Any
     rate: Equation
     force: Equation
-    relaxation: Callable[[Parameters, Array, Array], Array] | None = None
 
 
 @cache
@@ -297,24 +282,16 @@ def twin_of(spec: DamperSpec) -> Twin:
     if spec.command_unit is not None:
         return twin_of(spec.without_laws)
     if spec.own is not None:
-        return twin_with(spec, *spec.own.functions())
+        return _twin_with(spec, *equations_of(spec.own))
     if spec.name not in EQUATIONS:
         raise UnknownNameError(f"{spec.name} has no JAX twin; write its equations in mrwork/twins/models.py")
     rate, force = EQUATIONS[spec.name]
-    return twin_with(spec, force, rate)
+    return _twin_with(spec, force, rate)
 
 
-def twin_with(
-    spec: DamperSpec,
-    force: Callable[..., Any],
-    rate: Callable[..., Any] | None,
-    relaxation: Callable[..., Any] | None = None,
-) -> Twin:
-    """Return the twin of a plain model with these equations."""
+def _twin_with(spec: DamperSpec, force: Equation, rate: Equation | None) -> Twin:
     names: Any = spec.names
-    return Twin(
-        Theta=namedtuple("Theta", names), rate=rate or _without_states, force=force, relaxation=relaxation
-    )
+    return Twin(Theta=namedtuple("Theta", names), rate=rate or _without_states, force=force)
 
 
 def left_of_lag(spec: DamperSpec, theta: Array, current: Array, command: Array, time: Array | float) -> Array:

@@ -41,16 +41,10 @@ class RecordArrays(NamedTuple):
         """Number of samples, one more than there are splines."""
         return int(self.splines.shape[-2]) + 1
 
-    def padded(self, n_time: int) -> RecordArrays:
-        """The record with intervals at rest up to a number of samples, and its last command held."""
-        missing = n_time - self.n_time
-        command = self.command if len(self.command) == 1 else jnp.pad(self.command, (0, missing), mode="edge")
-        return self._replace(splines=jnp.pad(self.splines, ((0, missing), (0, 0))), command=command)
-
-    def samples(self, n_time: Any, n_kept: int) -> Array:
-        """Displacement and velocity at the samples, shape (n_kept, 2), of which `n_time` are not padding."""
-        starts = jnp.concatenate([self.splines[:, np.array([0, 4])], self.facts[None, 1:3]])[:n_kept]
-        return jnp.where(jnp.arange(n_kept)[:, None] == n_time - 1, self.facts[1:3], starts)
+    @property
+    def samples(self) -> Array:
+        """Displacement and velocity at the samples, shape (n_time, 2)."""
+        return jnp.concatenate([self.splines[:, np.array([0, 4])], self.facts[None, 1:3]])
 
 
 def motion_at(coefficients: Array, share: Any) -> tuple[Array, Array]:

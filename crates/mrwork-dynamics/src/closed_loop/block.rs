@@ -53,6 +53,8 @@ pub struct LaneResult {
     pub(super) severity: Vec<[f64; 2]>,
     /// The same per element.
     pub(super) element_severity: Vec<[f64; 2]>,
+    /// Per device: fastest relaxation of the states of dampers that are watched [1/s].
+    pub(super) fastest: Vec<f64>,
     /// Whether a command was not a number.
     pub(super) command_invalid: bool,
 }
@@ -129,7 +131,14 @@ impl<R: Lanes> OutOfLine for IntegrateBlock<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { block, histories, devices, results } = self;
-        let (reductions, command_invalid) = integrate_block::<R>(block, histories, devices);
+        let (reductions, command_invalid, fastest) = integrate_block::<R>(block, histories, devices);
+        for relaxation in &fastest {
+            relaxation.for_each(|lane, value| {
+                if let Some(result) = results.get_mut(lane) {
+                    result.fastest.push(value);
+                }
+            });
+        }
         command_invalid.for_each(|lane, invalid| {
             if let Some(result) = results.get_mut(lane) {
                 result.command_invalid = invalid > 0.0;
@@ -376,7 +385,7 @@ fn integrate_block<R: Lanes>(
     block: &Block<'_>,
     histories: &mut [HistoryRows<'_>],
     mut devices: Box<dyn Devices<R> + '_>,
-) -> (Reductions<R>, R) {
+) -> (Reductions<R>, R, Vec<R>) {
     let Block { batch, runs, n_samples, steps, stop, .. } = *block;
     let Batch { building, hardware, .. } = *batch;
     let step = hardware.sample_time / f64::from(steps);
@@ -472,7 +481,7 @@ fn integrate_block<R: Lanes>(
             rows: histories,
         });
     }
-    (reductions, controller.command_invalid)
+    (reductions, controller.command_invalid, coupled.devices.fastest())
 }
 
 /// Adds the start of a step, or the end of a run, to the reductions.

@@ -46,12 +46,21 @@ pub(super) fn addition_of(batch: &Batch<'_>, draw: usize) -> Addition {
     Addition { stiffening, decay }
 }
 
-/// Largest relaxation rate of the damper states [1/s] under the simulated motion.
-pub(super) fn damper_bound(batch: &Batch<'_>, draw: usize, severity: &[[f64; 2]], step: f64) -> f64 {
-    relaxation_bound(batch.dampers, draw, batch.ranges, |device| {
+/// Largest relaxation rate of the damper states [1/s] under the simulated motion; that of dampers that are watched is
+/// `fastest` of each device.
+pub(super) fn damper_bound(
+    batch: &Batch<'_>,
+    draw: usize,
+    severity: &[[f64; 2]],
+    fastest: &[f64],
+    step: f64,
+) -> f64 {
+    let bound = relaxation_bound(batch.dampers, draw, batch.ranges, |device| {
         let [peak_velocity, change] = severity[device];
         Severity { peak_velocity, reversal_acceleration: change / step }
-    })
+    });
+    // A bound that is not a number is kept.
+    fastest.iter().fold(bound, |bound, &own| if own > bound { own } else { bound })
 }
 
 /// Largest rate of the passive elements [1/s] under the simulated motion: that of a loop, or of a loss of head.

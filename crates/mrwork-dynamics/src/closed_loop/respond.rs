@@ -6,11 +6,16 @@ use super::reductions::width;
 use super::resolution::{addition_of, damper_bound, element_bound, steps_for};
 use super::round::{Output, round};
 use crate::error::{DynamicsError, Outcome};
-use crate::integrate::MAX_SUBSTEP_FACTOR;
+use crate::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
 use crate::settings::Settings;
 
 /// Displacement of a floor [m] beyond which a run counts as diverged: an unstable gain may take long to overflow.
 const LARGEST_DISPLACEMENT: f64 = 1e3;
+
+/// Factor on the steps of a run that is not finite or far from resolved, and how often a run that is not finite is tried so
+/// with watched dampers; with others, whose bound is known before, once.
+const FINER: u32 = 4;
+const MOST_TRIES: u32 = 3;
 
 /// Result of one run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +65,9 @@ pub fn respond(
     let additions: Vec<_> = (0..batch.n_draws()).map(|draw| addition_of(batch, draw)).collect();
     let unresolved = RunResult { outcome: Outcome::Unresolved, steps: 0 };
     let mut results = vec![unresolved; batch.runs.len()];
-    let mut tried_finer = vec![false; batch.runs.len()];
+    let mut tries = vec![0; batch.runs.len()];
+    let watched = batch.dampers.iter().any(|group| group.damper.is_watched());
+    let most_tries = if watched { MOST_TRIES } else { 1 };
     let mut pending: Vec<(usize, u32)> = (0..batch.runs.len())
         .filter_map(|run| {
             let addition = &additions[batch.runs[run].draw as usize];
@@ -76,17 +83,21 @@ pub fn respond(
             let draw = batch.runs[run].draw as usize;
             let finite = is_bounded(output.row(run), batch.building.n_floors());
             let wanted = if finite {
-                let bound = damper_bound(batch, draw, &lane.severity, step);
+                let bound = damper_bound(batch, draw, &lane.severity, &lane.fastest, step);
                 let elements =
                     element_bound(batch.building, batch.springs_of(run), &lane.element_severity, step);
                 // A bound of the dampers that is not a number is kept.
                 let bound = if elements > bound { elements } else { bound };
-                steps_for(batch.hardware, bound).map(|own| own * settings.step_factor)
-            } else if tried_finer[run] {
+                let wanted = steps_for(batch.hardware, bound).map(|own| own * settings.step_factor);
+                let most = MAX_SUBSTEPS * batch.hardware.steps * settings.step_factor;
+                // Far from resolved, the states of a watched damper are not known well enough for a bound.
+                let is_far = watched && wanted.is_none_or(|wanted| wanted > FINER * steps);
+                if is_far && FINER * steps <= most { Some(FINER * steps) } else { wanted }
+            } else if tries[run] == most_tries {
                 Some(0)
             } else {
-                tried_finer[run] = true;
-                Some(steps * 4)
+                tries[run] += 1;
+                Some(FINER * steps)
             };
             match wanted {
                 Some(wanted) if wanted > steps => finer.push((run, wanted)),

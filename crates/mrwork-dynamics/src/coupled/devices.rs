@@ -8,7 +8,7 @@ use crate::damper::model::{DamperModel, Motion, State};
 use crate::lag::Decay;
 use crate::lanes::Lanes;
 use crate::parameters::{FromSlice, offsets};
-use crate::real::{OutOfLine, Real};
+use crate::real::{OutOfLine, Real, finite_or_infinite};
 
 /// Number and arrangement of the dampers of a device.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +24,8 @@ pub struct Mounting {
 pub(crate) trait Devices<R> {
     /// Force with which each device resists, as evaluated last [N].
     fn force(&self) -> &[R];
+    /// Fastest relaxation of the states of each device so far [1/s], zero of a model that is not watched.
+    fn fastest(&self) -> Vec<R>;
     /// Current in each coil: the command behind the lag of the driver.
     fn current(&self) -> &[R];
     /// Factors on the forces.
@@ -68,13 +70,17 @@ impl<R> DeviceState<R> {
 
 /// Devices whose dampers are of one model, each of one damper or of two in opposition.
 pub(crate) struct DamperDevices<'a, M: DamperModel, R: Real> {
+    model: M,
     laws: &'a CurrentLaws,
     follows: bool,
     devices: Vec<Device<M, R>>,
     force: Vec<R>,
     current: Vec<R>,
     scale: Vec<R>,
+    fastest: Vec<R>,
     step: f64,
+    /// Whether the next forces are those at the start of a step.
+    begins: bool,
 }
 
 struct Device<M: DamperModel, R: Real> {
@@ -112,16 +118,24 @@ impl<M: DamperModel, R: Real> DamperStates<M, R> {
 
 impl<'a, M: DamperModel, R: Lanes> DamperDevices<'a, M, R> {
     /// Dampers at rest, before the first command; `columns` are those of `theta` of each device.
-    pub(crate) fn at_rest(laws: &'a CurrentLaws, mountings: &[Mounting], columns: Vec<Vec<R>>) -> Self {
+    pub(crate) fn at_rest(
+        model: M,
+        laws: &'a CurrentLaws,
+        mountings: &[Mounting],
+        columns: Vec<Vec<R>>,
+    ) -> Self {
         let zeros = vec![R::splat(0.0); mountings.len()];
         let mut dampers = DamperDevices {
+            model,
             laws,
             follows: !laws.are_constant(),
             devices: Vec::with_capacity(mountings.len()),
             force: zeros.clone(),
-            current: zeros,
+            current: zeros.clone(),
             scale: vec![R::splat(1.0); mountings.len()],
+            fastest: zeros,
             step: 0.0,
+            begins: true,
         };
         R::out_of_line(AtRest { mountings, columns, dampers: &mut dampers });
         dampers
@@ -144,6 +158,10 @@ impl<'a, M: DamperModel, R: Lanes> DamperDevices<'a, M, R> {
 impl<M: DamperModel, R: Lanes> Devices<R> for DamperDevices<'_, M, R> {
     fn force(&self) -> &[R] {
         &self.force
+    }
+
+    fn fastest(&self) -> Vec<R> {
+        self.fastest.clone()
     }
 
     fn current(&self) -> &[R] {
@@ -181,6 +199,7 @@ impl<M: DamperModel, R: Lanes> Devices<R> for DamperDevices<'_, M, R> {
     }
 
     fn advance(&mut self, weight: f64, reach: f64) {
+        self.begins = reach == 0.0;
         if M::SPEC.n_states > 0 {
             R::out_of_line(AdvanceStates { dampers: self, weight, reach });
         }
@@ -210,7 +229,7 @@ impl<M: DamperModel, R: Lanes> OutOfLine for AtRest<'_, '_, M, R> {
     type Home = M;
     #[inline(always)]
     fn run(self) {
-        let Self { mountings, columns, dampers: DamperDevices { laws, devices, .. } } = self;
+        let Self { mountings, columns, dampers: DamperDevices { model, laws, devices, .. } } = self;
         for (&mounting, mut columns) in mountings.iter().zip(columns) {
             let merged = mounting.differential && M::SPEC.odd && M::SPEC.offset_adds;
             let count = mounting.count;
@@ -235,7 +254,8 @@ impl<M: DamperModel, R: Lanes> OutOfLine for AtRest<'_, '_, M, R> {
             for &parameter in &cancelled {
                 values[parameter] = R::splat(0.0);
             }
-            let at = [M::Parameters::from_slice(&values); 2];
+            let parameters = model.parameters(&values);
+            let at = [parameters.clone(), parameters];
             let (command, decay) = (R::splat(0.0), Decay::of(&[], 0.0));
             devices.push(Device { columns, values, command, decay, cancelled, at, dampers });
         }
@@ -320,7 +340,8 @@ impl<M: DamperModel, R: Lanes> OutOfLine for AdvanceDrivers<'_, '_, M, R> {
                     dampers.follow(index, moment);
                 }
             } else {
-                device.at[MIDDLE] = device.at[END];
+                let [middle, end] = &mut device.at;
+                middle.clone_from(end);
             }
         }
     }
@@ -352,6 +373,10 @@ impl<M: DamperModel, R: Lanes> OutOfLine for EvaluateForces<'_, '_, M, R> {
                 sum = M::force(p, states.staged, motion).weighted(R::splat(states.share), sum);
                 if M::SPEC.n_states > 0 {
                     states.rate = M::rate(p, states.staged, motion);
+                }
+                if const { M::WATCHED && !R::HAS_DERIVATIVES } && dampers.begins {
+                    let fastest = finite_or_infinite(M::relaxation(p, states.staged, motion));
+                    dampers.fastest[index] = fastest.max(dampers.fastest[index]);
                 }
             }
             dampers.force[index] = sum * dampers.scale[index];

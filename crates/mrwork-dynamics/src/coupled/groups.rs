@@ -130,8 +130,8 @@ struct AtRest<'a, R> {
 }
 
 impl<'a, R: Lanes + 'a> ModelVisitor<Box<dyn Devices<R> + 'a>> for AtRest<'a, R> {
-    fn visit<M: DamperModel + 'static>(self) -> Box<dyn Devices<R> + 'a> {
-        Box::new(DamperDevices::<M, R>::at_rest(self.laws, self.mountings, self.columns))
+    fn visit<M: DamperModel + 'static>(self, model: M) -> Box<dyn Devices<R> + 'a> {
+        Box::new(DamperDevices::at_rest(model, self.laws, self.mountings, self.columns))
     }
 }
 
@@ -164,6 +164,10 @@ impl<'a, R: Lanes + 'a> SideBySide<'a, R> {
 impl<'a, R: Lanes + 'a> Devices<R> for SideBySide<'a, R> {
     fn force(&self) -> &[R] {
         &self.force
+    }
+
+    fn fastest(&self) -> Vec<R> {
+        self.groups.iter().flat_map(|group| group.fastest()).collect()
     }
 
     fn current(&self) -> &[R] {

@@ -29,6 +29,7 @@ parameters! {
 }
 
 /// The normalised Bouc-Wen element, moved only outside the play of its joints.
+#[derive(Clone, Copy)]
 pub struct BacklashBoucWen;
 
 impl DamperModel for BacklashBoucWen {

@@ -14,6 +14,7 @@ parameters! {
 }
 
 /// Smoothed Coulomb friction in parallel with a dashpot.
+#[derive(Clone, Copy)]
 pub struct Bingham;
 
 impl DamperModel for Bingham {

@@ -18,6 +18,7 @@ parameters! {
 }
 
 /// The Bouc-Wen element in parallel with a spring and a dashpot.
+#[derive(Clone, Copy)]
 pub struct BoucWen;
 
 impl DamperModel for BoucWen {

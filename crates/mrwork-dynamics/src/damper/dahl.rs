@@ -11,6 +11,7 @@ parameters! {
 }
 
 /// Friction that builds up over a travel.
+#[derive(Clone, Copy)]
 pub struct Dahl;
 
 impl DamperModel for Dahl {

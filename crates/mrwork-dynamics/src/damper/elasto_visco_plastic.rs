@@ -19,6 +19,7 @@ parameters! {
 }
 
 /// A series spring and a visco-plastic core; the state is the velocity of the core.
+#[derive(Clone, Copy)]
 pub struct ElastoViscoPlastic;
 
 impl DamperModel for ElastoViscoPlastic {

@@ -16,6 +16,7 @@ parameters! {
 }
 
 /// A Bingham element, a Kelvin-Voigt element and a spring in series.
+#[derive(Clone, Copy)]
 pub struct ExtendedBingham;
 
 impl DamperModel for ExtendedBingham {

@@ -17,6 +17,7 @@ parameters! {
 }
 
 /// A yield force that depends on velocity and displacement together.
+#[derive(Clone, Copy)]
 pub struct HyperbolicTangentGavin;
 
 impl DamperModel for HyperbolicTangentGavin {

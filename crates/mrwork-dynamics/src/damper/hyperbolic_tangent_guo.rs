@@ -14,6 +14,7 @@ parameters! {
 }
 
 /// One shifted velocity drives both the yield force and the dashpot.
+#[derive(Clone, Copy)]
 pub struct HyperbolicTangentGuo;
 
 impl DamperModel for HyperbolicTangentGuo {

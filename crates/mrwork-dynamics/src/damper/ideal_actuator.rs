@@ -9,6 +9,7 @@ parameters! {
 }
 
 /// The device of the law `active`. Not in the registry of dampers.
+#[derive(Clone, Copy)]
 pub struct IdealActuator;
 
 impl DamperModel for IdealActuator {

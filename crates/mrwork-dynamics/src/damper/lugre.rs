@@ -13,6 +13,7 @@ parameters! {
 }
 
 /// Friction as the bending of bristles.
+#[derive(Clone, Copy)]
 pub struct LuGre;
 
 impl DamperModel for LuGre {

@@ -13,6 +13,7 @@ parameters! {
 }
 
 /// A spring whose force relaxes; the state is its elongation [m].
+#[derive(Clone, Copy)]
 pub struct Maxwell;
 
 impl DamperModel for Maxwell {

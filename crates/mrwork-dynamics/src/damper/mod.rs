@@ -18,6 +18,7 @@ mod non_symmetric_bouc_wen_displacement;
 mod normalised_bouc_wen;
 mod normalised_modified_bouc_wen;
 mod orifice;
+pub mod own;
 mod polynomial_fitting;
 mod shear_thinning_modified_bouc_wen;
 pub(crate) mod static_hysteretic;
@@ -25,26 +26,24 @@ mod viscous_dahl;
 
 use crate::any_damper::Damper;
 use ideal_actuator::IdealActuator;
+pub(crate) use model::ModelVisitor;
 pub use model::{DamperModel, DamperSpec, Motion, MotionNumber, Severity, State};
 pub(crate) use normalised_bouc_wen::{Hysteresis, fastest_relaxation};
-
-/// Work that is compiled for every damper model.
-pub(crate) trait ModelVisitor<T> {
-    /// Does the work for a model.
-    fn visit<M: DamperModel + 'static>(self) -> T;
-}
 
 macro_rules! models {
     ($($module:ident::$model:ident,)+) => {
         /// Every damper model, one line each.
         pub static REGISTRY: &[&dyn Damper] = &[$(&$module::$model,)+];
 
-        /// Does the work of a visitor for the device of that name: a damper model or the ideal actuator.
+        /// Does the work of a visitor for the device of that name: a damper model, the ideal actuator or a damper of a user.
         pub(crate) fn visit<T>(name: &str, visitor: impl ModelVisitor<T>) -> Option<T> {
             $(if name == $module::$model::SPEC.name {
-                return Some(visitor.visit::<$module::$model>());
+                return Some(visitor.visit($module::$model));
             })+
-            (name == IdealActuator::SPEC.name).then(|| visitor.visit::<IdealActuator>())
+            if name == IdealActuator::SPEC.name {
+                return Some(visitor.visit(IdealActuator));
+            }
+            own::visit(name, visitor)
         }
     };
 }
@@ -72,10 +71,10 @@ models! {
     viscous_dahl::ViscousDahl,
 }
 
-/// The model of that name.
+/// The model of that name, of the registry or of a user.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static dyn Damper> {
-    REGISTRY.iter().copied().find(|damper| damper.spec().name == name)
+    REGISTRY.iter().copied().find(|damper| damper.spec().name == name).or_else(|| own::find(name))
 }
 
 /// The device of a closed loop with that name: a damper model or the ideal actuator.

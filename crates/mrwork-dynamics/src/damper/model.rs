@@ -151,18 +151,42 @@ impl<R: Real, const N: usize> State<R> for [R; N] {
     }
 }
 
+/// Work that is compiled for every damper model.
+pub(crate) trait ModelVisitor<T> {
+    /// Does the work for a model.
+    fn visit<M: DamperModel + 'static>(self, model: M) -> T;
+}
+
 /// A damper model: its equations, written once over `R: Real`.
 ///
 /// All functions must be `#[inline(always)]`: they run inside a loop compiled for each instruction set.
-pub trait DamperModel: Sync + Sized {
+pub trait DamperModel: Copy + Sync {
     /// Name, prose, parameters.
     const SPEC: DamperSpec;
     /// When a step is a short chain of arithmetic.
     const SHORT: Short = Short::Never;
+    /// Whether sub-steps follow from [`Self::relaxation`] along each motion, not from [`Self::stiffness_bound`].
+    const WATCHED: bool = false;
     /// The struct that `parameters!` declares.
     type Parameters<R: Real>: FromSlice<R>;
     /// `[R; n]` for a model with n states.
     type State<R: Real>: State<R>;
+
+    /// Name, prose, parameters of a model that is known at run time.
+    fn description(self) -> &'static DamperSpec {
+        const { &Self::SPEC }
+    }
+
+    /// Number of states, at most those that it has room for.
+    fn n_states(self) -> usize {
+        Self::SPEC.n_states
+    }
+
+    /// Parameters in spec order.
+    #[inline(always)]
+    fn parameters<R: Real>(self, values: &[R]) -> Self::Parameters<R> {
+        Self::Parameters::from_slice(values)
+    }
 
     /// Time derivative of the states.
     fn rate<R: Real>(p: &Self::Parameters<R>, state: Self::State<R>, motion: Motion<R>) -> Self::State<R>;
@@ -202,4 +226,15 @@ pub trait DamperModel: Sync + Sized {
     /// Upper bound of the fastest relaxation of the states [1/s] under such a loading; 0 without states, not
     /// a finite number where the states have no bound.
     fn stiffness_bound(p: &Self::Parameters<f64>, loading: Severity) -> f64;
+
+    /// How fast the states relax at a motion [1/s]; asked where the model is `WATCHED`.
+    #[inline(always)]
+    fn relaxation<R: Real>(_: &Self::Parameters<R>, _: Self::State<R>, _: Motion<R>) -> R {
+        R::splat(0.0)
+    }
+
+    /// Whether [`Self::relaxation`] reads the motion alone, not the states.
+    fn relaxes_by_motion(self) -> bool {
+        false
+    }
 }

@@ -26,6 +26,7 @@ parameters! {
 }
 
 /// The Bouc-Wen element in series with a dashpot.
+#[derive(Clone, Copy)]
 pub struct ModifiedBoucWen;
 
 impl DamperModel for ModifiedBoucWen {

@@ -25,6 +25,7 @@ parameters! {
 }
 
 /// The normalised Bouc-Wen model driven by a velocity shifted against its state.
+#[derive(Clone, Copy)]
 pub struct NonSymmetricBoucWen;
 
 impl DamperModel for NonSymmetricBoucWen {

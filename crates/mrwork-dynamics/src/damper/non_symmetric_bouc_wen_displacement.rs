@@ -25,6 +25,7 @@ parameters! {
 }
 
 /// The normalised Bouc-Wen model driven by a velocity shifted against the displacement.
+#[derive(Clone, Copy)]
 pub struct NonSymmetricBoucWenDisplacement;
 
 impl DamperModel for NonSymmetricBoucWenDisplacement {

@@ -20,6 +20,7 @@ parameters! {
 }
 
 /// The Bouc-Wen element without its redundant parameter.
+#[derive(Clone, Copy)]
 pub struct NormalisedBoucWen;
 
 impl DamperModel for NormalisedBoucWen {

@@ -23,6 +23,7 @@ parameters! {
 }
 
 /// The modified Bouc-Wen model without its redundant parameter.
+#[derive(Clone, Copy)]
 pub struct NormalisedModifiedBoucWen;
 
 impl DamperModel for NormalisedModifiedBoucWen {

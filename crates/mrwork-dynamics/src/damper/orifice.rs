@@ -11,6 +11,7 @@ parameters! {
 }
 
 /// Turbulent flow through an orifice in parallel with a dashpot.
+#[derive(Clone, Copy)]
 pub struct Orifice;
 
 impl DamperModel for Orifice {

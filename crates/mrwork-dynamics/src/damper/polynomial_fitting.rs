@@ -20,6 +20,7 @@ parameters! {
 }
 
 /// A mean curve over velocity and the distance of the two branches from it.
+#[derive(Clone, Copy)]
 pub struct PolynomialFitting;
 
 impl DamperModel for PolynomialFitting {

@@ -27,6 +27,7 @@ parameters! {
 }
 
 /// The normalised modified Bouc-Wen model with a dashpot c0 + c2 exp(-|v|/v_s).
+#[derive(Clone, Copy)]
 pub struct ShearThinningModifiedBoucWen;
 
 impl DamperModel for ShearThinningModifiedBoucWen {

@@ -17,6 +17,7 @@ parameters! {
 }
 
 /// Force as a function of displacement and velocity alone.
+#[derive(Clone, Copy)]
 pub struct StaticHysteretic;
 
 impl DamperModel for StaticHysteretic {

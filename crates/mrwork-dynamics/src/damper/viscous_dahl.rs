@@ -13,6 +13,7 @@ parameters! {
 }
 
 /// Dahl's friction in parallel with a dashpot.
+#[derive(Clone, Copy)]
 pub struct ViscousDahl;
 
 impl DamperModel for ViscousDahl {

@@ -9,7 +9,6 @@ use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, MotionNumber, State};
 use crate::damper::{ModelVisitor, visit};
 use crate::lag::Decay;
-use crate::parameters::FromSlice;
 use crate::real::Real;
 
 type T = Term<false>;
@@ -95,44 +94,56 @@ impl Recorded<'_> {
     /// A formula of the parameters and states at a motion.
     fn at_point<M: DamperModel>(
         &self,
+        model: M,
         ends: impl FnOnce(M::Parameters<T>, M::State<T>, Motion<T>) -> Vec<(String, T)>,
     ) -> String {
         let mut formula = Formula::new(self.precision);
-        let p = M::Parameters::from_slice(&formula.inputs("m->p", self.laws.n_params()));
-        let state = formula.inputs("m->state", M::SPEC.n_states);
+        let p = model.parameters(&formula.inputs("m->p", self.laws.n_params()));
+        let state = formula.inputs("m->state", model.n_states());
         let motion = Motion { displacement: formula.input("x"), velocity: formula.input("v") };
-        let ends = ends(p, M::State::from_fn(|entry| state[entry]), motion);
+        let ends = ends(p, M::State::from_fn(|entry| entry_of(&state, entry)), motion);
         self.statements(&formula, ends)
     }
 
-    fn substep<M: DamperModel>(&self) -> String {
+    fn substep<M: DamperModel>(&self, model: M) -> String {
         let mut formula = Formula::new(self.precision);
         let names: &[&str] = if self.laws.are_lagged() { &["m->p", "middle", "end"] } else { &["m->p"] };
         let values: Vec<Vec<T>> =
             names.iter().map(|name| formula.inputs(name, self.laws.n_params())).collect();
-        let p = [0, 1, 2].map(|stage| M::Parameters::from_slice(values.get(stage).unwrap_or(&values[0])));
-        let state = formula.inputs("m->state", M::SPEC.n_states);
+        let p = [0, 1, 2].map(|stage| model.parameters(values.get(stage).unwrap_or(&values[0])));
+        let state = formula.inputs("m->state", model.n_states());
         let motion = formula.inputs("motion", 6);
         let motions =
             [0, 2, 4].map(|place| Motion { displacement: motion[place], velocity: motion[place + 1] });
-        let state = M::State::from_fn(|entry| state[entry]);
-        let next = terms_of(M::step::<T, T, false>(p.each_ref(), state, motions, self.step));
+        let count = state.len();
+        let state = M::State::from_fn(|entry| entry_of(&state, entry));
+        let mut next = terms_of(M::step::<T, T, false>(p.each_ref(), state, motions, self.step));
+        next.truncate(count);
         let places: Vec<String> = (0..next.len()).map(|entry| format!("m->state[{entry}]")).collect();
         self.calls.set(self.calls.get() | Formula::calls());
         formula.assigned_at_once(&places, &next)
     }
 }
 
+/// A state; zero where the model has room for more than it has.
+fn entry_of(states: &[T], entry: usize) -> T {
+    states.get(entry).copied().unwrap_or_else(|| <T as Real>::splat(0.0))
+}
+
+/// The rates of the states that a model has.
+fn rates<M: DamperModel>(model: M, rate: M::State<T>) -> Vec<(String, T)> {
+    assigned("rate", terms_of(rate).into_iter().take(model.n_states()))
+}
+
 impl ModelVisitor<DamperText> for Recorded<'_> {
-    fn visit<M: DamperModel + 'static>(self) -> DamperText {
+    fn visit<M: DamperModel + 'static>(self, model: M) -> DamperText {
         DamperText {
             prepare: self.prepare(),
             parameters: self.parameters(),
             force: self
-                .at_point::<M>(|p, state, motion| vec![("return".to_owned(), M::force(&p, state, motion))]),
-            rate: self
-                .at_point::<M>(|p, state, motion| assigned("rate", terms_of(M::rate(&p, state, motion)))),
-            substep: self.substep::<M>(),
+                .at_point(model, |p, state, motion| vec![("return".to_owned(), M::force(&p, state, motion))]),
+            rate: self.at_point(model, |p, state, motion| rates(model, M::rate(&p, state, motion))),
+            substep: self.substep(model),
             n_prepared: self.laws.n_prepared(),
             calls: self.calls.get(),
         }

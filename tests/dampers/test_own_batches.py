@@ -1,8 +1,9 @@
 """Dampers of users in batches: those that are models of the package written again have their forces."""
 
+from functools import partial
 from typing import Any
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 import own_dampers
 import pytest
@@ -75,9 +76,12 @@ def test_the_spectral_radius_resolves_a_loop() -> None:
     scale = np.abs(resolved).max(axis=1, keepdims=True)
     assert (np.abs(ours.force - resolved) <= 2e-3 * scale).all()
     # Alone or beside others, and with the same steps once more.
-    np.testing.assert_allclose(
-        simulate_forces(own_dampers.loop, theta[5:6], HISTORY).force[0], ours.force[5], rtol=1e-12
-    )
+    for threads in (1, 2):
+        again = simulate_forces(own_dampers.loop, theta, HISTORY, threads=threads)
+        np.testing.assert_array_equal(again.force, ours.force)
+    for row in range(len(theta)):
+        alone = simulate_forces(own_dampers.loop, theta[row : row + 1], HISTORY).force[0]
+        np.testing.assert_array_equal(alone, ours.force[row])
     finer = simulate_forces(own_dampers.loop, theta[:2], HISTORY, substep_factor=2)
     assert (finer.substeps == 2 * ours.substeps[:2]).all()
 
@@ -99,10 +103,23 @@ def test_misfits_are_infinite_for_what_is_too_stiff_or_not_a_number() -> None:
 
 def corner_force(p: Any, state: Floats, displacement: Floats, velocity: Floats) -> Floats:
     """Not a number where the damper is pulled far with little damping."""
-    return p.c * velocity + jnp.sqrt(p.c - 1e3 * jnp.abs(displacement)) - jnp.sqrt(p.c)
+    return p.c * velocity + np.sqrt(p.c - 1e3 * np.abs(displacement)) - np.sqrt(p.c)
 
 
 def test_a_corner_that_is_not_a_number_leaves_its_neighbours_alone() -> None:
     corner = mr.own_damper("corner", parameters={"c": ("N s/m", 1.0, 100.0, 1000.0)}, force=corner_force)
     found = simulate_forces(corner, [[5.0], [50.0]], HISTORY)
     assert list(found.outcome) == [Outcome.DIVERGED, Outcome.FINISHED]
+
+
+def test_states_that_the_core_has_more_room_for_stay_apart() -> None:
+    """Three of them, beside the twin of the same formulas in JAX."""
+    spec = own_dampers.branches
+    found = simulate_sensitivities(spec, candidates(spec, 4), HISTORY)
+    twin, record = mr.jax.twin(spec), mr.jax.twin(spec).record(mr.Loading(dt=0.002, displacement=MOTION))
+    for row, (theta, steps) in enumerate(zip(candidates(spec, 4), found.substeps, strict=True)):
+        force = np.asarray(twin.simulate(theta, record, int(steps)))
+        np.testing.assert_allclose(found.force[row], force, rtol=0.0, atol=1e-12 * np.abs(force).max())
+        slopes = np.asarray(jax.jacfwd(partial(twin.simulate, record=record, substeps=int(steps)))(theta)).T
+        scale = np.abs(slopes).max(axis=1, keepdims=True)
+        assert (np.abs(found.jacobian[row] - slopes) <= 1e-10 * scale).all()

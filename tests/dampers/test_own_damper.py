@@ -7,14 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import own_dampers
 import pytest
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.errors import SettingError
 from mrwork.store.user_python import run_text
 from test_imports import in_fresh_process
 
@@ -36,7 +34,7 @@ def second(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
 
 
 def fades(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
-    return jnp.stack([velocity - p.c * state[0]])
+    return np.stack([velocity - p.c * state[0]])
 
 
 def strays(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
@@ -49,9 +47,10 @@ def sinks(p: Any, displacement: Any, velocity: Any) -> Any:
 
 LOOP: dict[str, Any] = {"rate": fades, "states": 1}
 EQUATION = """
-import jax, jax.numpy as jnp, numpy as np
+import jax, jax.numpy as jnp, math, numpy as np
 class Helper: gain = 2.0
-SHORT, HELPER = np.float32(0.1), Helper()
+HELPER = Helper()
+SEEN = []
 def force(p, state, {arguments}):
     {lines}
 """
@@ -60,19 +59,24 @@ def force(p, state, {arguments}):
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
-        ("return p.c * velocity if velocity > 0.0 else 0.0", "cannot be traced at .*Python's if"),
-        ("return p.c * np.tanh(np.asarray(velocity))", "cannot be traced"),
+        (
+            "return p.c * velocity if velocity > 0.0 else 0.0",
+            r"mine.py, line \d+: `if`, .* np.where\(condition",
+        ),
+        ("return p.c * math.tanh(velocity)", "line 7: float.., a function of math"),
+        ("return p.c * np.sinh(velocity)", "np.sinh is none of the operations of the core"),
+        ("return p.c * jax.nn.relu(velocity)", "cannot be recorded at .*mine.py, line 7"),
         ("return p.k * velocity", "p has no k; it has c"),
         ("return p['c'] * velocity", r"p\.NAME, not p\["),
         ("return jnp.stack([p.c * velocity, p.c])", r"shape \(2,\)"),
-        ("return p.c * velocity.astype(jnp.float32)", "float32"),
-        ("return p.c * velocity * SHORT", "less precision"),
-        ("return p.c * velocity > 0.0", "returns bool"),
+        ("p.c * velocity", "returns a NoneType"),
+        ("return p.c * velocity > 0.0", "returns a condition"),
         ("return p.c * velocity / jnp.abs(velocity)", "not a finite number at rest"),
         ("return jnp.sqrt(p.c * jnp.abs(velocity))", "derivative by c"),
-        ("return HELPER.gain * p.c * velocity", "HELPER, of the type Helper"),
+        ("return p.c * velocity * np.random.default_rng().uniform(1.0, 2.0)", "another one each time"),
         ("return -p.c * velocity", "turn its sign"),
-        ("jax.debug.print('{}', velocity); return p.c * velocity", "jax.debug"),
+        ("SEEN.append(velocity); return p.c * velocity", "line 7: it calls SEEN.append .* would happen once"),
+        ("return sum(p.c * velocity * k for k in range(30_000))", "operations, of which"),
     ],
 )
 def test_a_mistake_in_an_equation_is_told(lines: str, words: str, tmp_path: Path) -> None:
@@ -88,11 +92,9 @@ def written(place: Path, lines: str, arguments: str = "displacement, velocity") 
     return made
 
 
-def test_exchanged_arguments_and_a_lambda_are_told(tmp_path: Path) -> None:
+def test_exchanged_arguments_are_told(tmp_path: Path) -> None:
     exchanged = written(tmp_path / "mine.py", "return p.c * velocity", "velocity, displacement")
     refusal(mr.own_damper, "mine", parameters=C, force=exchanged, match="exchange them")
-    typed = eval("lambda p, state, displacement, velocity: p.c * velocity")
-    refusal(mr.own_damper, "mine", parameters=C, force=typed, match="<lambda> has no text")
 
 
 @pytest.mark.parametrize(
@@ -104,7 +106,7 @@ def test_exchanged_arguments_and_a_lambda_are_told(tmp_path: Path) -> None:
         ({"rate": fades}, "`states` of mine is 0"),
         ({"relaxation": fades}, "no states, and a relaxation"),
         ({"spring": ("k", "x0")}, "no parameter 'k'"),
-        ({"rate": force, "states": 1}, "a name of its own"),
+        ({"rate": force, "states": 9}, "at most 8"),
         ({"name": "bouc_wen"}, "a model of the package"),
         ({"name": "my damper"}, "letters, digits"),
         ({"parameters": {}}, "no parameters"),
@@ -138,25 +140,42 @@ def test_it_is_a_value() -> None:
     assert laws.without_laws == own_dampers.loop
 
 
-def test_a_text_that_is_not_trusted_does_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    spec = mr.own_damper("mine", parameters=C, force=force)
-    forged = replace(spec.own, source=f"import os\nos.mkdir('harm')\n{spec.own.source}")
-    loading = mr.Loading(dt=0.001, displacement=np.sin(np.arange(5.0)))
-    refusal(mr.simulate_force, replace(spec, own=forged), [100.0], loading, match="runs with your rights")
-    assert not list(tmp_path.iterdir())
-    # Nor where a pickle of it has come from a process that does not trust it.
-    assert pickle.loads(pickle.dumps(forged)).is_trusted is False
-    with pytest.raises(SettingError):
-        pickle.loads(pickle.dumps(forged)).functions()
+def test_what_is_no_text_for_readers_is_recorded_all_the_same(tmp_path: Path) -> None:
+    """A lambda, what an object holds, and a file that was edited after its import."""
+    typed = eval("lambda p, state, displacement, velocity: p.c * velocity")
+    assert mr.own_damper("mine", parameters=C, force=typed).own.source == ""
+    held = written(tmp_path / "held.py", "return HELPER.gain * p.c * velocity")
+    assert mr.own_damper("mine", parameters=C, force=held).own.source == ""
+    place = tmp_path / "mine.py"
+    made = written(place, "return p.c * velocity")
+    place.write_text(place.read_text().replace("p.c", "7.0 * p.c"))
+    mine = mr.own_damper("mine", parameters=C, force=made)
+    assert mine.own.source == ""
+    assert mr.simulate_force(mine, [100.0], LOADING)[0] == pytest.approx(
+        100.0 * LOADING.history().parts[0][0, 4]
+    )
 
 
-def test_trust_travels_with_a_pickle(tmp_path: Path) -> None:
+LOADING = mr.Loading(dt=0.001, displacement=np.sin(np.arange(5.0)))
+
+
+def test_text_of_jax_is_recorded_with_numpy(tmp_path: Path) -> None:
+    made = written(tmp_path / "mine.py", "return p.c * jnp.tanh(velocity)")
+    assert (
+        mr.own_damper("mine", parameters=C, force=made).own
+        == mr.own_damper(
+            "mine", parameters=C, force=lambda p, state, displacement, velocity: p.c * np.tanh(velocity)
+        ).own
+    )
+
+
+def test_another_process_needs_neither_its_file_nor_jax(tmp_path: Path) -> None:
     spec = mr.own_damper("mine", parameters=C, force=leans)
     place = tmp_path / "spec"
     place.write_bytes(pickle.dumps(spec))
     code = (
         "import pickle, sys; from pathlib import Path; import mrwork as mr; import numpy as np\n"
+        "sys.modules['jax'] = None\n"
         "spec = pickle.loads(Path(sys.argv[1]).read_bytes())\n"
         "force = mr.simulate_force(spec, [100.0], mr.Loading(dt=0.001, displacement=np.sin(np.arange(5.0))))\n"
         "print(float(np.abs(force).max()) > 0.0)"
@@ -164,11 +183,14 @@ def test_trust_travels_with_a_pickle(tmp_path: Path) -> None:
     assert in_fresh_process(code, place).strip() == "True"
 
 
-def test_a_file_that_was_changed_after_it_was_run_is_refused(tmp_path: Path) -> None:
-    place = tmp_path / "mine.py"
-    made = written(place, "return p.c * velocity")
-    place.write_text(place.read_text().replace("p.c", "7.0 * p.c"))
-    refusal(mr.own_damper, "mine", parameters=C, force=made, match="changed after it was run")
+def test_a_damaged_tape_is_refused() -> None:
+    spec = mr.own_damper("mine", parameters=C, force=force)
+    tape = spec.own.force
+    newer = replace(tape, entries=(("sine", 5, (0,)), *tape.entries))
+    beyond = replace(tape, entries=(("add", 9, (0, 1)), *tape.entries))
+    for damaged, words in ((newer, "a newer version may have it"), (beyond, "is damaged|are damaged")):
+        wrong = replace(spec, own=replace(spec.own, force=damaged))
+        refusal(mr.simulate_force, wrong, [100.0], LOADING, match=words)
 
 
 def test_parameters_are_declared_by_four_values_that_are_finite() -> None:
