@@ -121,6 +121,10 @@ class DelimitedTable(ColumnTable):
             columns[index] = _seconds_since_first(since)
         return {name: columns[index] for name, index in places.items()}
 
+    def size_of(self, name: str) -> int:
+        """Number of rows, of every column."""
+        return len(self._data)
+
     def locate(self, row: int) -> str:
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""
         return f"line {self._data[row] + 1}" if row < len(self._data) else f"row {row + 1}"

@@ -8,6 +8,7 @@ import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.keys import closest
 from mrwork.base.summary import list_names
-from mrwork.base.units import FACTORS, CommandUnit, command_unit_of, quantity_of
+from mrwork.base.units import FACTORS, CommandUnit, MeasuredQuantity, command_unit_of, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.layout import numbered_names
@@ -94,17 +95,19 @@ _OF_DRIVER: Final = frozenset(
 # Beside those words, what sets the force of a damper that follows no current or voltage.
 _SCALAR_COMMANDS: Final = _COMMAND | {"valve", "opening", "orifice", "needle", "gap", "control"}
 # A column with one of these words is neither a motion nor a force nor a time, whatever its unit.
-_OF_SPECIMENS: Final = frozenset({
+_OF_OTHERS: Final = frozenset({
     "mass", "masse", "masa", "weight", "gewicht", "peso", "poids", "height", "höhe", "altura", "hauteur", "length",
     "länge", "longitud", "longueur", "width", "breite", "thickness", "dicke", "diameter", "durchmesser", "diámetro",
-    "area", "fläche", "rpm", "temperature", "temperatur", "temperatura", "température", "pressure", "druck", "presión",
+    "area", "fläche", "rpm", "revs", "drehzahl", "torque", "drehmoment", "couple", "トルク", "扭矩",
+    "temperature", "temperatur", "temperatura", "température", "pressure", "druck", "presión",
     "pression", "stress", "spannung", "strain", "dehnung", "angle", "winkel", "power", "energy", "strength",
     "質量", "重量", "高さ", "直径", "温度", "圧力", "质量", "高度",
 })  # fmt: skip
 # A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
 _NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 # Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).
-_BRACKETED: Final = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]\s*")
+# "Laser (in mm)" has its unit after a word.
+_BRACKETED: Final = re.compile(r"(.*?)\s*[(\[{]\s*(?:(?:in|units?:?)\s+)?([^()\[\]{}]*?)\s*[)\]}]\s*")
 _SEPARATOR: Final = re.compile(r"[\s_,:/\-]+")
 _WORD: Final = re.compile(r"[A-ZÀ-Þ]?[a-zß-ÿ]+|[A-ZÀ-Þ]+(?![a-zß-ÿ])|[\u3005\u3040-\u30ff\u3400-\u9fff]+")
 
@@ -133,6 +136,14 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
         is_sensed = tokens & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
         return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None
     return at_end if tokens & stems and not others & _NOT_MEASURED else None
+
+
+def is_of_another(name: str, quantity: MeasuredQuantity) -> bool:
+    """Whether a word of a name is of another quantity than this one."""
+    tokens = _words(words_and_unit(name)[0])
+    stems = {other: tokens & _long_stems(other) for other in QUANTITIES if other != quantity}
+    is_own = quantity in QUANTITIES and tokens & _long_stems(quantity)
+    return bool(tokens & _OF_OTHERS) or (not is_own and any(stems.values()))
 
 
 def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
@@ -323,7 +334,7 @@ def _likely_column(
     quantity: TestQuantity, left: Sequence[str], units: Mapping[str, str], numbers: Mapping[str, Floats]
 ) -> str:
     """A column of its unit, or else without any unit: for the time one that increases, otherwise one that varies."""
-    left = [name for name in left if not _words(name) & _OF_SPECIMENS]
+    left = [name for name in left if not _words(name) & _OF_OTHERS]
     of_unit = [name for name in left if quantity_of(units.get(name, "")) == quantity]
     without = [name for name in left if name in numbers and quantity_of(units.get(name, "")) is None]
     increasing = [name for name in without if np.all(np.diff(numbers[name]) > 0.0)]
@@ -342,7 +353,8 @@ class ColumnTable(ABC):
     `names` are in file order, `units` are stated by the file apart from the names, `sha256` is the hash of the
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
     parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
-    record of their own. `encoding` names the encoding of a text which is not UTF-8.
+    record of their own. `encoding` names the encoding of a text which is not UTF-8. `arrays` are columns by
+    the matrix that has them.
     """
 
     names: tuple[str, ...]
@@ -352,6 +364,7 @@ class ColumnTable(ABC):
     unused: tuple[str, ...] = ()
     further: tuple[str, ...] = ()
     encoding: str = ""
+    arrays: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 
     def without_markers(self) -> tuple[ColumnTable, Sequence[str]]:
         """The table without lines of a text that stand among its rows and are none, and these with their numbers."""
@@ -372,6 +385,10 @@ class ColumnTable(ABC):
             return None
 
     @abstractmethod
+    def size_of(self, name: str) -> int:
+        """Number of values of a column."""
+
+    @abstractmethod
     def locate(self, row: int) -> str:
         """Location of row `row` of the columns (from 0) in the file, for messages."""
 
@@ -385,6 +402,7 @@ class VectorTable(ColumnTable):
     vectors: Mapping[str, NDArray[np.generic]]
     units: Mapping[str, str] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    arrays: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.names = tuple(self.vectors)
@@ -400,6 +418,10 @@ class VectorTable(ColumnTable):
         # What is beyond the range of doubles is infinite, and refused with its row.
         with np.errstate(over="ignore", invalid="ignore"):
             return {name: self.vectors[name].astype(np.float64, copy=False) for name in wanted}
+
+    def size_of(self, name: str) -> int:
+        """Number of values of a vector."""
+        return self.vectors[name].size
 
     def locate(self, row: int) -> str:
         """Place of a row, which is counted from 0, such as "row 1" for the first."""

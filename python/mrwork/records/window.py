@@ -16,15 +16,13 @@ from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, runs_of
 from mrwork.errors import RecordError, SettingError
-from mrwork.files.rounded_times import JITTER, regular_steps, rounded_grid
+from mrwork.files.grid import JITTER, grid
 from mrwork.records.damper_test import DamperTest
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
 _LARGEST: Final = 1e12
 _SHORTEST_STEP: Final = 1e-7
-# Times no further apart than this repeat [s]; slopes between them would overflow.
-_SAME: Final = 1e-12
 _GAP_STEPS: Final = 3.0
 # Share of rows that repeat the time of the row before, from which on the clock is slower than the samples.
 _OFTEN: Final = 0.2
@@ -106,10 +104,10 @@ def complete_rows(
         )
     if last - first < complete.size:
         remarks.append(_DROPPED.remark(start=first, end=complete.size - last))
-    wrong = first + np.flatnonzero(np.diff(signals.time[first:last]) <= _SAME)
+    wrong = first + grid(signals.time[first:last]).falls
     if wrong.size == 0:
         return signals.rows(slice(first, last))
-    row = int(wrong[0]) + 1
+    row = int(wrong[0])
     now, before = signals.time[row], signals.time[row - 1]
     more = f" (as do {wrong.size - 1} more rows)" if wrong.size > 1 else ""
     if wrong.size > _OFTEN * (last - first) and now >= before:
@@ -222,17 +220,17 @@ def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Sig
     but for rounding are not resampled, because their samples were taken uniformly.
     """
     time = signals.time
-    steps, median, regular = regular_steps(time)
+    times = grid(time)
+    steps, median = times.steps, times.median
     duration = float(time[-1] - time[0])
     if median < _SHORTEST_STEP:
         raise RecordError(
             f"{source}: the time step is {median:.3g} s, below any rig's; check the unit of the time"
         )
-    if regular.all():
+    if times.regular.all():
         return signals
-    uniform = rounded_grid(time)
-    if uniform is not None:
-        signals = replace(signals, time=uniform)
+    if times.uniform is not None:
+        signals = replace(signals, time=times.uniform)
         least, most, dt = 1e3 * steps.min(), 1e3 * steps.max(), signals.dt
         remarks.append(_ROUNDED_TIMES.remark(least=least, most=most, dt=1e3 * dt, rate=1.0 / dt))
         return signals
@@ -250,7 +248,7 @@ def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Sig
         gap = Measured(float(steps[longest]), "s")
         count = "a gap" if gaps.size == 1 else f"{gaps.size} gaps, the longest"
         remarks.append(_GAPS.remark(measured=gap, gaps=count, at=time[longest], steps=gap.value / median))
-    grid = np.linspace(time[0], time[-1], n_uniform)
+    even = np.linspace(time[0], time[-1], n_uniform)
     dt = duration / (n_uniform - 1)
     rule = "PCHIP" if gaps.size else "cubic spline"
     share = 100.0 * float(np.max(np.abs(steps - median))) / median
@@ -259,15 +257,15 @@ def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Sig
 
     interpolator = PchipInterpolator if gaps.size else CubicSpline
     measured = {
-        name: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)
+        name: np.asarray(interpolator(time, channel)(even), dtype=np.float64)
         for name, channel in signals.measured.items()
     }
-    commands = tuple(command.resampled(time, grid) for command in signals.commands)
-    before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
+    commands = tuple(command.resampled(time, even) for command in signals.commands)
+    before = np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 2)
     # A sample of the grid lies between two of the record; next to one of them, it is measured.
-    beside = np.minimum(grid - time[before], time[before + 1] - grid) > JITTER * median
+    beside = np.minimum(even - time[before], time[before + 1] - even) > JITTER * median
     return Signals(
-        time=grid,
+        time=even,
         **measured,
         commands=commands,
         spiky=signals.spiky[before] | signals.spiky[before + 1],
