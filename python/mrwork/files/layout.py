@@ -299,3 +299,11 @@ def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -
 def numbered_names(count: int) -> tuple[str, ...]:
     """Names of columns that have none: their numbers from 1."""
     return tuple(str(number + 1) for number in range(count))
+
+
+def distinct_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, those that several columns have with the number of the column in front; empty ones are numbers."""
+    return tuple(
+        name if names.count(name) == 1 else f"{number} {name}".strip()
+        for number, name in enumerate(names, start=1)
+    )

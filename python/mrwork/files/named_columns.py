@@ -30,7 +30,7 @@ QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
 # Names that count where no other column has the name of the quantity: sensors, and the time of the day.
 _OF_SENSORS: Final[Mapping[TestQuantity, frozenset[str]]] = {
     "time": frozenset({"timestamp", "datetime"}),
-    "displacement": frozenset({"lvdt"}),
+    "displacement": frozenset({"lvdt", "laser"}),
     "velocity": frozenset(),
     "force": frozenset({"cell"}),
     "current": frozenset({"shunt"}),
@@ -59,7 +59,8 @@ _STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
         "抗力", "载荷", "荷载", "載荷", "阻尼力",
     }),
     "current": frozenset({
-        "current", "i", "strom", "corriente", "courant", "intensité", "電流", "电流", *_COMMAND,
+        "current", "i", "amps", "ampere", "amperes", "strom", "corriente", "courant", "intensité", "電流", "电流",
+        *_COMMAND,
     }),
     "voltage": frozenset({
         "voltage", "volt", "v", "u", "spannung", "voltaje", "電圧", "电压", "電壓", *_COMMAND,
@@ -85,15 +86,25 @@ _NOT_MEASURED: Final = frozenset({
 _OF_COMMAND: Final = frozenset({
     "command", "commanded", "setpoint", "set", "point", "target", "demand", "coil", "damper", "mr",
     "mrd", "drive", "driver", "applied", "control", "input", "excitation", "spule", "bobina",
-    "spulen", "steuer", "treiber", "dämpfer", "erreger", "bobine", "コイル", "励磁", "線圈", "线圈",
+    "spulen", "soll", "sollwert", "steuer", "treiber", "dämpfer", "erreger", "bobine", "コイル", "励磁", "線圈", "线圈",
     "制御", "控制", "駆動", "驱动", "阻尼器", "減振器", "ダンパ", "ダンパー",
+})  # fmt: skip
+# A reading of the current or voltage that was sent: it counts where the command itself is in no column.
+_MEASURED: Final = frozenset({
+    "feedback", "fb", "actual", "act", "measured", "meas", "readback", "monitor", "real", "ist", "istwert", "gemessen",
+    "valve", "ventil", "solenoid", "magnet", "cdc", "mesuré", "medida", "medido", "実測", "实测", "反馈",
 })  # fmt: skip
 # With these words a voltage is the voltage of the coil, and not the signal of a sensor.
 _OF_DRIVER: Final = frozenset(
     {"coil", "driver", "spule", "spulen", "bobina", "bobine", "コイル", "線圈", "线圈"}
 )
 # Beside those words, what sets the force of a damper that follows no current or voltage.
-_SCALAR_COMMANDS: Final = _COMMAND | {"valve", "opening", "orifice", "needle", "gap", "control"}
+_SCALAR_COMMANDS: Final = _COMMAND | {
+    "valve", "opening", "orifice", "needle", "gap", "control", "pwm", "duty", "pilot",
+}  # fmt: skip
+# Units of commands that other channels of a rig seldom have.
+_ASKED_UNITS: Final = frozenset({"%", "bar", "psi", "T", "mT"})
+_BESIDE_SCALARS: Final = frozenset({"pressure", "cycle", "ratio"})
 # A column with one of these words is neither a motion nor a force nor a time, whatever its unit.
 _OF_OTHERS: Final = frozenset({
     "mass", "masse", "masa", "weight", "gewicht", "peso", "poids", "height", "höhe", "altura", "hauteur", "length",
@@ -110,6 +121,10 @@ _NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 _BRACKETED: Final = re.compile(r"(.*?)\s*[(\[{]\s*(?:(?:in|units?:?)\s+)?([^()\[\]{}]*?)\s*[)\]}]\s*")
 _SEPARATOR: Final = re.compile(r"[\s_,:/\-]+")
 _WORD: Final = re.compile(r"[A-ZÀ-Þ]?[a-zß-ÿ]+|[A-ZÀ-Þ]+(?![a-zß-ÿ])|[\u3005\u3040-\u30ff\u3400-\u9fff]+")
+
+
+# Units that stand for a quantity by themselves; of one letter, as A and N, they may be anything.
+_UNITS_AS_NAMES: Final = frozenset({"amps", "ampere", "amperes", "volts"})
 
 
 def plain_name(name: str) -> str:
@@ -134,7 +149,8 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
         is_named = is_named or (tokens and in_own_unit)
         # What a shunt shows in volts is no command.
         is_sensed = tokens & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
-        return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None
+        is_command = others - letters <= _OF_COMMAND | _MEASURED
+        return at_end if is_named and is_command and not is_sensed else None
     return at_end if tokens & stems and not others & _NOT_MEASURED else None
 
 
@@ -156,14 +172,28 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
     match = _NAME.fullmatch(plain_name(name))
     for phrase, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
         unit, tokens = command_unit_of(text), _words(phrase)
-        if unit and tokens & _SCALAR_COMMANDS and not tokens - _SCALAR_COMMANDS - _OF_COMMAND:
+        if (
+            unit
+            and tokens & _SCALAR_COMMANDS
+            and not tokens - _SCALAR_COMMANDS - _OF_COMMAND - _BESIDE_SCALARS
+        ):
             return unit
     return None
 
 
+def may_be_a_command(name: str, apart: str = "") -> bool:
+    """Whether a column has a unit of commands and no name of a motion, a force or a sensor of these."""
+    unit = words_and_unit(name)[1] or apart
+    tokens = _words(words_and_unit(name)[0])
+    of_motion = [tokens & (_long_stems(other) | _OF_SENSORS[other]) for other in QUANTITIES[:4]]
+    return (quantity_of(unit) in ("current", "voltage") or unit in _ASKED_UNITS) and not any(of_motion)
+
+
 def is_second_choice(quantity: TestQuantity, name: str) -> bool:
-    """Whether a name that means the quantity counts only where no other does: the name of a sensor, or as I_set."""
-    return not (is_plain(quantity, name) or _words(words_and_unit(name)[0]) & _long_stems(quantity))
+    """Whether a name counts only where no other does: of a sensor, of a measured command, or as I_set."""
+    tokens = _words(words_and_unit(name)[0])
+    is_measured = quantity in ("current", "voltage") and bool(tokens & _MEASURED)
+    return is_measured or not (is_plain(quantity, name) or tokens & _long_stems(quantity))
 
 
 def _long_stems(quantity: TestQuantity) -> frozenset[str]:
@@ -179,14 +209,15 @@ def find_column(column: str, names: Sequence[str], source: str) -> str:
         or [name for name in names if words_and_unit(name)[0].strip().casefold() == wanted]
         or ([names[int(wanted) - 1]] if wanted in numbered_names(len(names)) else [])
     )
-    if len(alike) == 1 and names.count(alike[0]) == 1:
+    # Of equal headings each has its number in front.
+    alike = alike or [name for name in names if name.partition(" ")[2].casefold() == wanted]
+    if len(alike) == 1:
         return alike[0]
-    if len(set(alike)) > 1:
-        quoted = list_names([f"'{name}'" for name in alike])
-        raise RecordError(f"{source}: '{column}' may be {quoted}; give the whole heading")
     if alike:
-        count = names.count(alike[0])
-        raise RecordError(f"{source}: the column name '{alike[0]}' occurs {count} times; make it unique")
+        quoted = list_names([f"'{name}'" for name in alike])
+        raise RecordError(
+            f"{source}: '{column}' may be {quoted}; give the whole heading, or the number of the column"
+        )
     shown = ", ".join(f"'{name}'" for name in names)
     near = closest(column, names)
     columns = f", did you mean '{near}'" if near else f"; the columns are {shown}"
@@ -199,6 +230,8 @@ def words_and_unit(name: str) -> tuple[str, str]:
     match = _BRACKETED.fullmatch(name)
     if match is not None:
         return match[1], match[2]
+    if name.casefold() in _UNITS_AS_NAMES:
+        return name, name
     for separator in _SEPARATOR.finditer(name):
         if quantity_of(name[separator.end() :]) is not None:
             return name[: separator.start()], name[separator.end() :]
@@ -334,9 +367,10 @@ def _likely_column(
     quantity: TestQuantity, left: Sequence[str], units: Mapping[str, str], numbers: Mapping[str, Floats]
 ) -> str:
     """A column of its unit, or else without any unit: for the time one that increases, otherwise one that varies."""
-    left = [name for name in left if not _words(name) & _OF_OTHERS]
+    left = [name for name in left if not is_of_another(name, quantity)]
     of_unit = [name for name in left if quantity_of(units.get(name, "")) == quantity]
-    without = [name for name in left if name in numbers and quantity_of(units.get(name, "")) is None]
+    # A unit that is none of the quantity, known or not, contradicts it.
+    without = [name for name in left if name in numbers and not units.get(name, "")]
     increasing = [name for name in without if np.all(np.diff(numbers[name]) > 0.0)]
     if quantity == "time":
         # A number of the sample increases, too.

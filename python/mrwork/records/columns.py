@@ -19,6 +19,7 @@ from mrwork.base.units import (
     factor_to_si,
     quantity_of,
 )
+from mrwork.base.values import Floats
 from mrwork.dampers.command import LARGEST_COMMAND, Command
 from mrwork.errors import MrworkError, RecordError, Restorable, SettingError, UnitError
 from mrwork.files.layout import numbered_names
@@ -33,6 +34,7 @@ from mrwork.files.named_columns import (
     find_column,
     is_plain,
     is_second_choice,
+    may_be_a_command,
     scalar_unit_in_name,
     suggested_options,
     unit_in_name,
@@ -58,6 +60,11 @@ COMMANDS: Final[tuple[Literal["current"], Literal["voltage"]]] = ("current", "vo
 _MOST_SHOWN: Final = 20
 # In the names of columns, and in no unit.
 _OF_A_NAME: Final = re.compile(r"[\s()\[\]{}]")
+# What one of the column's numbers stands for, after their own unit: V*200N, counts*0.1N-5N.
+_SCALE: Final = re.compile(
+    r"[^*]*\*(?P<scale>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>[^\W\d][^+*-]*)"
+    r"(?:(?P<offset>[+-](?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<of_offset>[^\W\d][^+*-]*))?"
+)
 _STARTS_AS_NUMBER: Final = re.compile(r"[+-]?[.,]?\d|[+-]?(nan|inf)\b", re.IGNORECASE)
 _NUMBER_AND_UNIT: Final = re.compile(
     r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+|%|deg [CF]|\N{DEGREE SIGN}[CF]?)",
@@ -67,11 +74,16 @@ _NUMBER_AND_UNIT: Final = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnChoice:
-    """Column of a quantity, its unit, and the factor from that to SI."""
+    """Column of a quantity, its unit, with a scale where one is stated, and factor and offset from that to SI."""
 
     column: str
     unit: str
     factor: float
+    offset: float = 0.0
+
+    def in_si(self, numbers: Floats) -> Floats:
+        """Numbers of the column in SI."""
+        return self.factor * numbers + self.offset if self.offset else self.factor * numbers
 
     @property
     def specification(self) -> str:
@@ -311,6 +323,14 @@ class Headings:
             )
         return next((StatedCommand(column=name, unit=unit) for name, unit in read), None)
 
+    def asked_commands(self, used: Collection[str]) -> tuple[str, ...]:
+        """Columns in a unit of commands, among those that are not used."""
+        return tuple(
+            name
+            for name in self.names
+            if name not in used and may_be_a_command(name, self.units.get(name, ""))
+        )
+
     def unclear_commands(self, used: Collection[str]) -> tuple[str, ...]:
         """Columns that may be the command and do not say their unit, among those that are not used."""
         return tuple(
@@ -343,8 +363,9 @@ class Headings:
                 f"{self.source}: column '{name}' does not say its unit; give it, as in "
                 f"{column_option(quantity, name, next(iter(FACTORS[quantity])))}"
             )
-        factor = factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
-        return ColumnChoice(column=name, unit=unit, factor=factor)
+        context = f"column option {quantity}={specification}"
+        factor, offset = _scale_of(unit, quantity, context=context)
+        return ColumnChoice(column=name, unit=unit, factor=factor, offset=offset)
 
     def _recognise(self, quantity: TestQuantity) -> ColumnChoice | None:
         claims = [
@@ -358,12 +379,6 @@ class Headings:
             fitting = [(name, "s") for name in self.free if name in self.stamps]
         if len(fitting) > 1:
             (first, unit), (second, _) = fitting[:2]
-            if first == second:
-                count = self.names.count(first)
-                raise RecordError(
-                    f"{self.source}: {count} columns are called '{first}', which looks like the {quantity}; rename the "
-                    "one to use, so that its name is its own"
-                )
             problem = f"columns '{first}' and '{second}' both look like the {quantity}"
             missing = Missing(quantity=quantity, column=first, unit=unit)
             raise _UnclearError(problem, "say which one to use", missing, RecordError)
@@ -389,7 +404,7 @@ class Headings:
 
     def _refusal(self, unclear: Sequence[_UnclearError]) -> MrworkError:
         """The first problem, with the options that solve all of them."""
-        free = [name for name in self.free if self.names.count(name) == 1]
+        free = self.free
         units = {name: self.units.get(name, "") or words_and_unit(name)[1] for name in free}
         options = suggested_options([error.missing for error in unclear], free, units, self.read)
         first = unclear[0]
@@ -452,6 +467,8 @@ def _quantity(name: str) -> TestQuantity:
 def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str]:
     """Column and unit of ``"COLUMN:UNIT"``; the unit is empty where the file has to tell it."""
     column, colon, unit = (part.strip() for part in specification.rpartition(":"))
+    if colon and "*" in unit:
+        unit = "".join(unit.split())
     if colon and _OF_A_NAME.search(unit):
         # A colon within a heading: Position(Linear:Digital Position) (mm).
         column, colon, unit = specification.strip(), "", ""
@@ -464,8 +481,25 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
             "tells the unit"
         )
     if unit:
-        factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
+        _scale_of(unit, quantity, context=f"column option {quantity}={specification}")
     return column, unit
+
+
+def _scale_of(unit: str, quantity: TestQuantity, *, context: str) -> tuple[float, float]:
+    """Factor and offset to SI of a unit, or of a scale, as ``V*200N`` or ``counts*0.1N-5N``."""
+    if "*" not in unit:
+        return factor_to_si(unit, quantity, context=context), 0.0
+    scale = _SCALE.fullmatch(unit)
+    if scale is None:
+        si = next(iter(FACTORS[quantity]))
+        raise SettingError(
+            f"{context}: '{unit.partition('*')[2]}' is no scale; give the {quantity} that one of the column's numbers "
+            f"stands for, with its unit, and an offset where there is one, as in V*200{si} or counts*0.5{si}-20{si}"
+        )
+    factor = float(scale["scale"]) * factor_to_si(scale["unit"], quantity, context=context)
+    if not scale["offset"]:
+        return factor, 0.0
+    return factor, float(scale["offset"]) * factor_to_si(scale["of_offset"], quantity, context=context)
 
 
 def tells_a_test(table: ColumnTable) -> bool:

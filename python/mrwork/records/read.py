@@ -44,6 +44,7 @@ from mrwork.records.columns import (
 from mrwork.records.command import (
     DISAGREES,
     command_of,
+    command_question,
     motion_matches_name,
     nominal_from_name,
     with_nominal_command,
@@ -325,8 +326,9 @@ def read_damper_test(
         ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file states the unit; a unit at the end of the name may be omitted.
         ``command`` is a column of current or voltage, or a number with its unit, as ``"0.5 A"``, which goes before the
         columns of the file; ``time`` may likewise be a step or a sampling rate, as ``"200 Hz"``. A column may be given
-        by its number from 1. ``"none"`` leaves out a quantity, or the column with that heading; ``markers`` is
-        ``"skip"`` where lines among the rows mark events.
+        by its number from 1, and in volts or counts by what one of them stands for, with an offset, as
+        ``"Load (V):V*200N"`` or ``"Ch 3:counts*0.5N-20N"``. ``"none"`` leaves out a quantity, or the column with that
+        heading; ``markers`` is ``"skip"`` where lines among the rows mark events.
     keep_velocity
         As for `test_from_arrays`.
     start, end
@@ -376,7 +378,7 @@ def read_damper_test(
         raise refusal from None
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
-        si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
+        si = {quantity: choice.in_si(numbers[choice.column]) for quantity, choice in chosen.items()}
     if step is not None:
         si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
     part = _rows_between(si["time"], start, end, source)
@@ -399,7 +401,10 @@ def read_damper_test(
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, headings.unclear_commands(used))
-    return replace(test, remarks=(*test.remarks, *unused_remark(table, used)))
+    asked = () if test.commands or COMMAND in specs else headings.asked_commands(used)
+    return replace(
+        test, remarks=(*command_question(asked, table), *test.remarks, *unused_remark(table, used))
+    )
 
 
 def _refuse_sorted(table: ColumnTable, headings: Headings, columns: Mapping[str, str]) -> None:
