@@ -17,6 +17,9 @@ JITTER: Final = 1e-3
 _SAME: Final = 1e-12
 # Part of the steps of an axis that are equal, and the difference up to which they are: clocks of loggers stumble.
 _MOST, _ALIKE = 0.9, 0.1
+# A step longer than so many that are ordinary is a gap; steps over which a rate is told, odd for a median.
+_GAP_STEPS: Final = 3.0
+_PART: Final = 11
 
 
 @array_dataclass()
@@ -43,6 +46,35 @@ class Grid:
     def falls(self) -> NDArray[np.intp]:
         """Rows whose time does not rise above that of the row before."""
         return 1 + np.flatnonzero(~(self.steps > _SAME))
+
+    @property
+    def gaps(self) -> NDArray[np.intp]:
+        """Steps that are gaps: longer than three that are ordinary, as nine in ten are."""
+        return np.flatnonzero(self.steps > _GAP_STEPS * self._ordinary)
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether more than a few steps are half as long as the median or less, or half as long again or more."""
+        return float(np.mean(np.abs(self.steps / self.median - 1.0) > 0.5)) > 1.0 - _MOST
+
+    @property
+    def rates(self) -> tuple[tuple[int, float], ...]:
+        """First row and step of each part that has a step of its own, if the record has such parts alone."""
+        if self.uniform is not None or self.steps.size < 2 * _PART:
+            return ((0, self.median),)
+        windows = np.lib.stride_tricks.sliding_window_view(self.steps, _PART)
+        local = np.pad(np.median(windows, axis=1), (_PART // 2, _PART - 1 - _PART // 2), "edge")
+        if np.mean(np.abs(self.steps / local - 1.0) <= _ALIKE) < _MOST:
+            return ((0, self.median),)
+        leaps = 1 + np.flatnonzero(np.abs(np.diff(local)) > 2.0 * _ALIKE * local[1:])
+        first = [0, *(int(row) for row in leaps if row >= _PART)]
+        parts = [np.median(part) for part in np.split(self.steps, first[1:])]
+        kept = [n for n in range(len(first)) if n == 0 or abs(parts[n] / parts[n - 1] - 1.0) > 2.0 * _ALIKE]
+        return tuple((first[n], float(parts[n])) for n in kept)
+
+    @property
+    def _ordinary(self) -> float:
+        return max(self.median, float(np.quantile(self.steps, _MOST)))
 
     @property
     def runs(self) -> bool:

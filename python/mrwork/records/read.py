@@ -50,6 +50,7 @@ from mrwork.records.command import (
     with_nominal_command,
 )
 from mrwork.records.contradictions import (
+    centred_remark,
     drift_of_displacement_remark,
     jump_remark,
     late_by_making,
@@ -86,7 +87,7 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Remark]], 
     motion_matches_name, checks.smoothing_remark, delay_remark, mass_remark, checks.breakaway_remark,
     checks.stroke_remark, checks.force_remark, checks.pace_remark, checks.command_remark,
     checks.resolution_remarks, checks.stuck_force, still_remarks, jump_remark, drift_of_displacement_remark,
-    repeated_part, drift_remark, pulses_remark,
+    repeated_part, drift_remark, pulses_remark, centred_remark,
 )  # fmt: skip
 _DERIVED: Final = RemarkKind(
     "velocity_derived", "no velocity given; derived from the displacement by {by}", verbs=ONCE
