@@ -84,7 +84,7 @@ class DelimitedTable(ColumnTable):
         if not layout.data:
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
         self.sha256 = sha256
-        self.names = distinct_names(layout.names)
+        self.headings, self.names = layout.names, distinct_names(layout.names)
         self._source = source
         self._lines = lines
         self._delimiter = layout.delimiter

@@ -53,6 +53,11 @@ class Grid:
         return np.flatnonzero(self.steps > _GAP_STEPS * self._ordinary)
 
     @property
+    def share_in_gaps(self) -> float:
+        """Share of the time that lies in gaps."""
+        return float(np.sum(self.steps[self.gaps])) / float(np.sum(self.steps))
+
+    @property
     def is_uneven(self) -> bool:
         """Whether more than a few steps are half as long as the median or less, or half as long again or more."""
         return float(np.mean(np.abs(self.steps / self.median - 1.0) > 0.5)) > 1.0 - _MOST

@@ -388,7 +388,7 @@ class ColumnTable(ABC):
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
     parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
     record of their own. `encoding` names the encoding of a text which is not UTF-8. `arrays` are columns by
-    the matrix that has them.
+    the matrix that has them, `headings` are the names as a text has them, where several are equal.
     """
 
     names: tuple[str, ...]
@@ -399,6 +399,7 @@ class ColumnTable(ABC):
     further: tuple[str, ...] = ()
     encoding: str = ""
     arrays: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    headings: tuple[str, ...] = ()
 
     def without_markers(self) -> tuple[ColumnTable, Sequence[str]]:
         """The table without lines of a text that stand among its rows and are none, and these with their numbers."""

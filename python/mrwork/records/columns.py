@@ -502,6 +502,7 @@ def _scale_of(unit: str, quantity: TestQuantity, *, context: str) -> tuple[float
     return factor, float(scale["offset"]) * factor_to_si(scale["of_offset"], quantity, context=context)
 
 
-def tells_a_test(table: ColumnTable) -> bool:
-    """Whether the headings of a table tell time, displacement and force."""
-    return Headings.of(table).guess()[0].keys() >= {*REQUIRED}
+def tells_a_test(table: ColumnTable, names: Sequence[str] = ()) -> bool:
+    """Whether the headings of a table, or some of them, tell time, displacement and force."""
+    headings = Headings.of(table)
+    return replace(headings, names=names or headings.names).guess()[0].keys() >= {*REQUIRED}

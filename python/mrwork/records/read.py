@@ -26,7 +26,7 @@ from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, quantity_of_command
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.named_columns import ColumnTable, TestQuantity
-from mrwork.files.open_table import open_table
+from mrwork.files.open_table import open_table, split_part
 from mrwork.records import checks
 from mrwork.records.columns import (
     COMMAND,
@@ -62,6 +62,7 @@ from mrwork.records.corners import Corners
 from mrwork.records.cycles import delay_remark, drift_remark, mass_remark
 from mrwork.records.damper_test import DamperTest, VelocitySource, fields_of_commands
 from mrwork.records.motion import SmoothMotion, smooth_motion
+from mrwork.records.parts import count_parts, side_of, span_of
 from mrwork.records.pulses import pulses_remark
 from mrwork.records.rig_table import (
     EVERY_USE,
@@ -321,7 +322,7 @@ def read_damper_test(
     Parameters
     ----------
     path
-        The file.
+        The file; ``sweeps.csv#2`` is its second sweep or burst, or the second of several tests side by side.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to its column:
         ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file states the unit; a unit at the end of the name may be omitted.
@@ -356,14 +357,15 @@ def read_damper_test(
     >>> test.current, test.frequency  # doctest: +SKIP
     (0.5, 1.0)
     """
-    file = Path(path)
-    source = str(file)
+    name, number = split_part(path)
+    file, source = Path(name), name
     specs = dict(columns or {})
     table = open_table(file, tells_a_test)
     if MARKERS in specs:
         check_specification(MARKERS, specs.pop(MARKERS))
         table, _ = table.without_markers()
-    step, headings = stated_step(specs.get("time", "")), Headings.of(table, source)
+    step = stated_step(specs.get("time", ""))
+    headings, is_side = side_of(table, Headings.of(table, source), number)
     are_assigned = False
     try:
         chosen, scalar = headings.assign(specs)
@@ -371,6 +373,11 @@ def read_damper_test(
         of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
         numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     except MrworkError as error:
+        if not (number or are_assigned) and (count := count_parts(table)) > 1:
+            raise RecordError(
+                f"{source}: has {count} tests side by side; read each by its number, as {source}#1, or let mrwork "
+                f"check {source} --table list them"
+            ) from error
         _refuse_sorted(table, headings, specs)
         marked = _marked(table)
         before = f"{source}: " if are_assigned else f"{error}; "
@@ -383,10 +390,12 @@ def read_damper_test(
     if step is not None:
         si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
     part = _rows_between(si["time"], start, end, source)
+    if number and not is_side:
+        part = span_of(si["time"], number, source)
     si = {quantity: samples[part] if samples.size > 1 else samples for quantity, samples in si.items()}
     nominal = nominal_from_name(file.stem)
     test = test_from_arrays(
-        name=file.stem,
+        name=f"{file.stem}#{number}" if number else file.stem,
         time=si["time"],
         displacement=si["displacement"],
         force=si["force"],
@@ -398,7 +407,13 @@ def read_damper_test(
         amplitude=nominal.amplitude,
         frequency=nominal.frequency,
         keep_velocity=keep_velocity,
-        origin=Origin(path=source, sha256=table.sha256, locate=lambda row: table.locate(part.start + row)),
+        origin=Origin(
+            path=os.fspath(path),
+            sha256=table.sha256
+            if not number
+            else hashlib.sha256(f"{table.sha256}#{number}".encode()).hexdigest(),
+            locate=lambda row: table.locate(part.start + row),
+        ),
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, headings.unclear_commands(used))
@@ -430,7 +445,9 @@ def _rows_between(time: Floats, start: float | None, end: float | None, source: 
             f"{source}: no row has a time from {least:g} to {most:g} s; its times are {np.nanmin(time):g} to "
             f"{np.nanmax(time):g} s"
         )
-    beyond = np.flatnonzero(time[inside[0] :] > most)
+    after = time[inside[0] :]
+    # Up to the next sweep, whose time begins again.
+    beyond = np.flatnonzero((after > most) | (np.diff(after, prepend=after[0]) < 0.0))
     return slice(int(inside[0]), int(inside[0] + beyond[0]) if beyond.size else time.size)
 
 
@@ -529,18 +546,30 @@ def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
     A row is in doubt where a quantity cannot be told, where its command is a guess or unknown, or where the test cannot
     be read or contradicts the name of its file. A file that is no table at all is not used.
     """
-    return tuple(_guess(file) for file in files)
+    return tuple(row for file in files for row in _guesses(file))
+
+
+def _guesses(file: Path) -> Iterator[ListedTest]:
+    """A row for each part of a file."""
+    try:
+        parts = count_parts(open_table(file, tells_a_test))
+    except MrworkError as error:
+        yield ListedTest(file=str(file), doubt=_plain(error, file))
+        return
+    for part in range(1, parts + 1):
+        yield _guess(Path(f"{file}#{part}") if parts > 1 else file)
 
 
 def _guess(file: Path) -> ListedTest:
     try:
-        table = open_table(file, tells_a_test)
-        headings = Headings.of(table, str(file))
+        name, part = split_part(file)
+        table = open_table(Path(name), tells_a_test)
+        headings, _ = side_of(table, Headings.of(table, str(file)), part)
         scalar = headings.scalar_command()
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
     if scalar is not None:
-        headings = replace(headings, names=[name for name in table.names if name != scalar.column])
+        headings = replace(headings, names=[each for each in headings.names if each != scalar.column])
     chosen, doubts = headings.guess()
     columns: dict[str, str] = {
         quantity: chosen[quantity].specification if quantity in chosen else UNKNOWN

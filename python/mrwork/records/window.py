@@ -23,6 +23,8 @@ FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
 _LARGEST: Final = 1e12
 _SHORTEST_STEP: Final = 1e-7
+MOST_IN_GAPS: Final = 0.5
+"""A record with a larger share of its time in gaps is none, but bursts."""
 # Share of rows that repeat the time of the row before, from which on the clock is slower than the samples.
 _OFTEN: Final = 0.2
 
@@ -124,8 +126,8 @@ def complete_rows(
             "write the time with more digits or delete the repeated rows"
         )
     raise RecordError(
-        f"{source}: {locate(row)}: the time runs backwards, from {before:g} s to {now:g} s{more}; "
-        f"split the file into its tests, or take the first one (--until {before:g})"
+        f"{source}: {locate(row)}: the time runs backwards, from {before:g} s to {now:g} s{more}; read each sweep as a "
+        f"test of its own, as {source}#1, or take the first one (--until {before:g})"
     )
 
 
@@ -242,12 +244,11 @@ def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Sig
     rates = times.rates
     step = min(each for _, each in rates)
     n_uniform, gaps = round(duration / step) + 1, times.gaps
-    empty = float(np.sum(steps[gaps]))
-    if empty > 0.5 * duration:
+    if times.share_in_gaps > MOST_IN_GAPS:
         raise RecordError(
             f"{source}: {time.size} samples of {1e3 * median:.4g} ms leave most of {duration:.4g} s empty "
             f"(largest gap {steps.max():.4g} s after {time[int(np.argmax(steps))]:.4g} s); "
-            "take one continuous part (--from, --until)"
+            f"read each burst as a test of its own, as {source}#1, or take one (--from, --until)"
         )
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps])])
