@@ -87,3 +87,18 @@ def test_what_a_refusal_proposes_works_when_typed(tmp_path: Path) -> None:
         == 0
     )
     assert mrwork("report", tmp_path / "run").returncode == 0
+
+
+def test_columns_that_are_given_go_into_the_table(tmp_path: Path) -> None:
+    saved(tmp_path / "a.csv", TIME, MM, NEWTON, heads=("time_s", "displacement_mm", "Load"))
+    table = tmp_path / "guess.csv"
+    given = ("--column", "command=0.5A", "--column", "force=Load:N", "--table", table)
+    assert mrwork("check", tmp_path, *given).returncode == 0
+    (test,) = read_damper_tests([table])
+    assert (test.current, test.force.max()) == (0.5, pytest.approx(NEWTON.max(), rel=1e-4))
+    command_refusal(
+        "check", tmp_path, "--table", tmp_path / "b.csv", "--from", "1", match="no place for --from"
+    )
+    command_refusal(
+        "check", tmp_path, *given[:2], "--column", "Load=none", *given[-2:], match="no column for Load"
+    )

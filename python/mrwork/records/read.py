@@ -540,16 +540,24 @@ def read_damper_tests(
 
 
 @checked
-def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
+def guess_tests(files: Sequence[Path], *, columns: Mapping[str, str] | None = None) -> tuple[ListedTest, ...]:
     """A row of a table of tests for each file, all for the fit; entries that cannot be told are "?".
 
     A row is in doubt where a quantity cannot be told, where its command is a guess or unknown, or where the test cannot
-    be read or contradicts the name of its file. A file that is no table at all is not used.
+    be read or contradicts the name of its file. A file that is no table at all is not used. `columns`, as for
+    `read_damper_test`, go before guesses.
     """
-    return tuple(row for file in files for row in _guesses(file))
+    given = {COMMAND if key in COMMANDS else key: entry for key, entry in (columns or {}).items()}
+    for key, entry in given.items():
+        check_specification(key, entry)
+    if others := [key for key in given if key not in (*REQUIRED, "velocity", COMMAND, MARKERS)]:
+        raise SettingError(
+            f"a table of tests has no column for {others[0]}; leave {others[0]}={given[others[0]]} out"
+        )
+    return tuple(row for file in files for row in _guesses(file, given))
 
 
-def _guesses(file: Path) -> Iterator[ListedTest]:
+def _guesses(file: Path, given: Mapping[str, str]) -> Iterator[ListedTest]:
     """A row for each part of a file."""
     try:
         parts = count_parts(open_table(file, tells_a_test))
@@ -557,10 +565,10 @@ def _guesses(file: Path) -> Iterator[ListedTest]:
         yield ListedTest(file=str(file), doubt=_plain(error, file))
         return
     for part in range(1, parts + 1):
-        yield _guess(Path(f"{file}#{part}") if parts > 1 else file)
+        yield _guess(Path(f"{file}#{part}") if parts > 1 else file, given)
 
 
-def _guess(file: Path) -> ListedTest:
+def _guess(file: Path, given: Mapping[str, str]) -> ListedTest:
     try:
         name, part = split_part(file)
         table = open_table(Path(name), tells_a_test)
@@ -580,10 +588,15 @@ def _guess(file: Path) -> ListedTest:
     if unclear := headings.unclear_commands({choice.column for choice in chosen.values()}):
         about = [f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"]
     command, doubt = (UNKNOWN, about[0]) if about else _stated_command(file, chosen, scalar)
-    if command:
+    if COMMAND in given:
+        doubt = ""
+    elif command:
         columns[COMMAND] = command
-    if marked := _marked(table):
+    if (marked := _marked(table)) and MARKERS not in given:
         columns[MARKERS] = UNKNOWN
+    marked = "" if MARKERS in given else marked
+    columns |= given
+    doubts = {quantity: text for quantity, text in doubts.items() if quantity not in given}
     remarks = [marked, *doubts.values(), doubt]
     if UNKNOWN not in columns.values():
         remarks.append(_read(file, columns))
