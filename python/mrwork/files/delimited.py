@@ -122,6 +122,11 @@ class DelimitedTable(ColumnTable):
             columns[index] = _seconds_since_first(since)
         return {name: columns[index] for name, index in places.items()}
 
+    def texts(self, name: str) -> list[str]:
+        """A column as it is written."""
+        column = self.names.index(name)
+        return [[*self._split(row), *[""] * column][column] for row in self._data]
+
     def size_of(self, name: str) -> int:
         """Number of rows, of every column."""
         return len(self._data)

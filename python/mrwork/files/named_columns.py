@@ -419,6 +419,10 @@ class ColumnTable(ABC):
         except RecordError:
             return None
 
+    def texts(self, name: str) -> list[str]:
+        """A column as texts."""
+        return [f"{value:g}" for value in self.read([name])[name]]
+
     @abstractmethod
     def size_of(self, name: str) -> int:
         """Number of values of a column."""

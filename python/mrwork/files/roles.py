@@ -179,6 +179,30 @@ def series_of(
     return _with_step(series, along, stated.dt, facts.dt, source) if axis is TIME else series
 
 
+def column_of(table: ColumnTable, role: Role, source: str, *, needed: bool) -> Floats | None:
+    """The one column of a role without an axis, in SI; `None` where there is none and it is not `needed`."""
+    names = [name for name in table.names if role.is_called(name)]
+    if len(names) > 1:
+        raise RecordError(
+            f"{source}: columns '{names[0]}' and '{names[1]}' both look like the {role.noun}; keep one"
+        )
+    if not names:
+        if needed:
+            raise RecordError(
+                f"{source}: no column is the {role.noun} among {_listed(table.names)}; call it "
+                f"'{role.noun} ({role.example})'"
+            )
+        return None
+    unit = role.unit_of(table, names[0])
+    if not unit:
+        raise UnitError(
+            f"{source}: column '{names[0]}' does not state its unit; write it in the heading, as '{names[0]} "
+            f"({role.example})'"
+        )
+    context = f"{source}: column '{names[0]}'"
+    return factor_to_si(unit, role.quantity, context=context) * table.read(names)[names[0]]
+
+
 def described(words: str, table: ColumnTable, series: Series) -> str:
     """The source of samples: what was read of a file, and what was not."""
     columns = [f"'{name}'" for name in series.unused]
