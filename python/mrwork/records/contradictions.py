@@ -18,7 +18,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.files.grid import last_digit
-from mrwork.records.checks import half_range, held_samples, static_force
+from mrwork.records.checks import half_range, held_samples
 from mrwork.records.damper_test import DamperTest, VelocitySource
 from mrwork.records.motion import Differentiator, SmoothMotion, fit_residual, regular_cycles, robust_deviation
 
@@ -560,10 +560,13 @@ _ZERO, _NO_OFFSET = 4.0, 0.01
 
 def centred_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a force whose mean over cycles that are not whole was subtracted, as its mean of zero shows."""
-    offset, force = static_force(test.displacement, test.force, motion.velocity), test.force
+    force, cycles = test.force, regular_cycles(motion.displacement)
+    if not cycles:
+        return
+    offset = float(force[cycles[0].start : cycles[-1].stop].mean())
     largest, half = float(np.abs(force).max()), half_range(force)
     of_rounding = float(np.median(last_digit(force))) / np.sqrt(12.0 * force.size)
     # Rounding of sums of doubles.
     zero = _ZERO * max(of_rounding, np.finfo(np.float64).eps * np.sqrt(force.size) * largest)
-    if offset is not None and abs(float(force.mean())) <= zero and abs(offset) > _NO_OFFSET * half:
+    if abs(float(force.mean())) <= zero and abs(offset) > _NO_OFFSET * half:
         yield _CENTRED.remark(measured=Measured(offset, "N"), share=100.0 * abs(offset) / half)

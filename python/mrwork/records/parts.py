@@ -31,8 +31,14 @@ def spans_of(time: Floats) -> list[slice]:
 
 
 def sides_of(headings: Sequence[str], names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Names of the columns of tests side by side, whose headings are equal; other columns are of all of them."""
-    count = max(Counter(filter(None, headings)).values(), default=0)
+    """Names of the columns of tests side by side, whose headings are equal; other columns are of all of them.
+
+    A single heading that is there twice is of two sensors.
+    """
+    counts = Counter(filter(None, headings))
+    count = max(counts.values(), default=0)
+    if list(counts.values()).count(count) < 2:
+        return []
     sides: list[list[str]] = [[] for _ in range(count)]
     seen = Counter[str]()
     for heading, name in zip(headings, names, strict=True):

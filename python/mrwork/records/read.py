@@ -78,6 +78,7 @@ from mrwork.records.window import (
     complete_rows,
     settling_samples,
     spans_with,
+    straight_strokes,
     uncompared_spans,
     uniform_step,
     without_spikes,
@@ -92,6 +93,12 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Remark]], 
 )  # fmt: skip
 _DERIVED: Final = RemarkKind(
     "velocity_derived", "no velocity given; derived from the displacement by {by}", verbs=ONCE
+)
+_STRAIGHT_STROKES: Final = RemarkKind(
+    "strokes_straight",
+    "no velocity given; strokes of few samples at constant speed, so that the motion is straight between samples, and "
+    "the force is compared at these",
+    verbs=ONCE,
 )
 
 
@@ -187,6 +194,8 @@ def test_from_arrays(
     checks.check_varies(complete.force, "force", "N", source=source)
     checks.check_order(complete.displacement, complete.force, source=source)
     signals = uniform_step(without_spikes(complete, remarks), remarks, source=source)
+    strokes = straight_strokes(signals)
+    signals = strokes or signals
     displaced, dt = signals.displacement, signals.dt
     motion = smooth_motion(displaced, dt)
     corners = Corners.of(displaced, signals.force, motion)
@@ -194,7 +203,9 @@ def test_from_arrays(
     moving = motion.velocity
     velocity_source: VelocitySource = "derived"
     about_velocity: tuple[Remark, ...] = (_DERIVED.remark(by=motion.differentiator.in_words),)
-    if signals.velocity is not None and complete.velocity is not None:
+    if strokes is not None and strokes.velocity is not None:
+        moving, about_velocity = strokes.velocity, (_STRAIGHT_STROKES.remark(),)
+    elif signals.velocity is not None and complete.velocity is not None:
         late = late_by_making(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
             signals.velocity,
@@ -207,7 +218,7 @@ def test_from_arrays(
     left_out = checks.clipped_samples(signals.force)
     if velocity_source == "measured":
         corners = corners.leaping(moving)
-    if velocity_source == "derived" or not keep_velocity:
+    if strokes is None and (velocity_source == "derived" or not keep_velocity):
         moving = corners.velocity(moving, displaced, dt, velocity_source)
         remarks += corners.remarks(signals.time, velocity_source)
         left_out |= corners.about

@@ -350,6 +350,49 @@ def _cubics(time: Floats, samples: Floats, at: Floats, side: int, *, without_own
     return np.asarray(np.linalg.solve(normal, told[:, :, None])[:, 0, 0])
 
 
+# Samples from turn to turn up to which strokes at constant speed are told from sines, of which fewer than six in ten
+# steps change so little: the curvature of a sine of 50 samples a stroke is 0.06 of its largest step.
+_PER_STROKE: Final = 50
+_STRAIGHT, _UNCHANGED = 0.8, 0.05
+# Steps between two samples of a straight stroke: a force that turns over in a sample is resolved to 0.1 % of it.
+_BETWEEN: Final = 8
+
+
+def straight_strokes(signals: Signals) -> Signals | None:
+    """Samples of strokes at constant speed with steps between them, which alone are not compared; else `None`.
+
+    Of a loop of twenty samples a stroke a smooth curve rounds the turns, which the force of a damper follows.
+    """
+    if signals.velocity is not None or signals.spiky.any() or signals.missing.any():
+        return None
+    steps = np.diff(signals.displacement)
+    moving = np.abs(steps[steps != 0.0])
+    turns = np.flatnonzero(np.diff(np.sign(steps[steps != 0.0])) != 0.0)
+    # A coarse channel stands still between its steps.
+    if (
+        moving.size < _STRAIGHT * steps.size
+        or turns.size < 2
+        or float(np.median(np.diff(turns))) > _PER_STROKE
+    ):
+        return None
+    if np.mean(np.abs(np.diff(steps)) < _UNCHANGED * np.median(moving)) < _STRAIGHT:
+        return None
+    time = signals.time
+    fine = np.interp(np.arange((time.size - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(time.size), time)
+    displacement, force = (np.interp(fine, time, each) for each in (signals.displacement, signals.force))
+    between = np.ones(fine.size, dtype=np.bool_)
+    between[::_BETWEEN] = False
+    return Signals(
+        time=fine,
+        displacement=displacement,
+        force=force,
+        velocity=np.gradient(displacement, fine),
+        commands=tuple(command.resampled(time, fine) for command in signals.commands),
+        spiky=between,
+        missing=np.zeros_like(between),
+    )
+
+
 def settling_samples(displacement: Floats) -> int:
     """Number of samples until the damper has travelled half its peak-to-peak stroke.
 
