@@ -9,6 +9,7 @@ from record_files import codes, message
 
 import mrwork as mr
 from mrwork.files.grid import grid
+from mrwork.records.damper_test import range_of_test
 from mrwork.records.repairs import repair
 
 Floats = NDArray[np.float64]
@@ -115,3 +116,24 @@ def test_a_test_far_slower_than_the_others_is_not_called_mislabelled() -> None:
                 )
             )
     assert not [remark.code for remark in mr.records.remarks.remarks_of_set(tests)]
+
+
+@pytest.mark.parametrize("pause", [0.4, 0.8])
+@pytest.mark.parametrize("begin", [0.0, 0.13])
+def test_a_gap_ends_what_is_differentiated_and_makes_no_slow_cycle(pause: float, begin: float) -> None:
+    """Five bursts of three cycles of 1 Hz; samples beside a gap were half the peak velocity off, and compared."""
+    own = 5e-3 * np.arange(600)
+    time = np.concatenate([burst * (3.0 + pause) + own for burst in range(5)])
+    phase = 2.0 * np.pi * (np.tile(own, 5) + begin)
+    velocity = 0.02 * np.pi * np.cos(phase)
+    displacement = 0.01 * np.sin(phase) + 1e-6 * np.random.default_rng(1).standard_normal(time.size)
+    test = mr.test_from_arrays(time, displacement, 2000.0 * velocity + 400.0 * np.tanh(velocity / 5e-3))
+    rows = np.searchsorted(time + 1e-6, test.time[test.counted])
+    assert np.abs(time[rows] - test.time[test.counted]).max() < 1e-6
+    off = np.abs(test.velocity[test.counted] - velocity[rows])
+    # At the ends of a burst polynomials have one side.
+    assert off.max() < 0.3e-3
+    ranges = range_of_test(test, None)
+    assert ranges.frequency == pytest.approx((1.0, 1.0), rel=0.02)
+    assert ranges.velocity == pytest.approx(0.02 * np.pi, rel=0.02)
+    assert ranges.stroke == pytest.approx(0.01, rel=0.01)

@@ -301,9 +301,11 @@ def _between(
 
     time, dt = times.time, float(at[1] - at[0])
     values = np.asarray(PchipInterpolator(time, channel)(at), dtype=np.float64)
-    ends = sorted({*(times.gaps + 1).tolist(), *(row for row, _ in times.rates[1:])})
+    gaps = {*(times.gaps + 1).tolist()}
+    ends = sorted({*gaps, *(row for row, _ in times.rates[1:])})
     for part in np.split(np.arange(time.size), ends):
-        last = min(int(part[-1]) + 1, time.size - 1)
+        # A part of one rate ends where the next begins, one before a gap with its last sample.
+        last = int(part[-1]) + (0 if part[-1] + 1 in {*gaps, time.size} else 1)
         inside = (at >= time[part[0]]) & (at <= time[last]) & ~missing
         if part.size < FEWEST_SAMPLES or not inside.any():
             continue
