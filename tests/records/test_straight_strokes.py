@@ -49,6 +49,12 @@ def test_the_motion_is_straight_between_samples_and_these_are_compared() -> None
     assert (compared % 8 == 0).all()
 
 
+def test_small_strokes_before_large_ones_are_no_rest() -> None:
+    displacement = np.concatenate([0.02 * strokes(), strokes()[1:]])
+    test = mr.test_from_arrays(np.arange(displacement.size) * 1.0, displacement, 1e6 * displacement)
+    assert "rest_before_motion" not in codes(test)
+
+
 @pytest.mark.parametrize("per_stroke", [10, 20, 45, 400])
 def test_sines_and_well_sampled_strokes_are_as_they_were(per_stroke: int) -> None:
     time = np.arange(20 * per_stroke) * 1e-2
