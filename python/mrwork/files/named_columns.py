@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,52 +26,92 @@ TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "
 # Characters of a column's name; nothing is told from a longer one.
 _LONGEST_NAME: Final = 300
 
-QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
-# Names that count where no other column has the name of the quantity: sensors, and the time of the day.
-_OF_SENSORS: Final[Mapping[TestQuantity, frozenset[str]]] = {
-    "time": frozenset({"timestamp", "datetime"}),
-    "displacement": frozenset({"lvdt", "laser"}),
-    "velocity": frozenset(),
-    "force": frozenset({"cell"}),
-    "current": frozenset({"shunt"}),
-    # In English a force.
-    "voltage": frozenset({"tension", "tensión"}),
-}
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestRole:
+    """Role of a column of a damper test: words that mean it, and what a message proposes where a file does not say it.
+
+    `sensors` count where no column has one of the words. `units` are from the smallest numbers to the largest, each up
+    to a size in it: half the peak to peak of a motion and of a force, the step of the time, the largest command; the
+    limits lie between what rigs measure in the two units. `example` is a heading.
+    """
+
+    words: frozenset[str]
+    units: tuple[tuple[str, float], ...]
+    example: str
+    sensors: frozenset[str] = frozenset()
+    is_required: bool = False
+
+
 # Set point of the driver, in amperes or volts: the unit decides.
 _COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
 # `v` and `u` have different meanings on different rigs; the unit after them decides. Programs of rigs write the names
 # in the language of their user: English, German, Spanish, French, Japanese, Chinese.
-_STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
-    "time": frozenset({
-        "time", "t", "zeit", "uhrzeit", "tiempo", "hora", "temps", "heure", "時間", "時刻", "时间",
-    }),
-    "displacement": frozenset({
-        "displacement", "disp", "displ", "stroke", "position", "pos", "x", "u", "extension",
-        "elongation", "deflection", "weg", "hub", "verschiebung", "auslenkung", "verformung",
-        "desplazamiento", "carrera", "posición", "posicion", "déplacement", "deplacement", "course",
-        "変位", "変位量", "ストローク", "位置", "位移", "行程",
-    }),
-    "velocity": frozenset({
-        "velocity", "vel", "v", "speed", "geschwindigkeit", "velocidad", "vitesse", "速度",
-    }),
-    "force": frozenset({
-        "force", "load", "f", "kraft", "last", "fuerza", "carga", "effort", "charge", "荷重", "力",
-        "抗力", "载荷", "荷载", "載荷", "阻尼力",
-    }),
-    "current": frozenset({
-        "current", "i", "amps", "ampere", "amperes", "strom", "corriente", "courant", "intensité", "電流", "电流",
-        *_COMMAND,
-    }),
-    "voltage": frozenset({
-        "voltage", "volt", "v", "u", "spannung", "voltaje", "電圧", "电压", "電壓", *_COMMAND,
-    }),
+TEST_ROLES: Final[Mapping[TestQuantity, TestRole]] = {
+    "time": TestRole(
+        words=frozenset({
+            "time", "t", "zeit", "uhrzeit", "tiempo", "hora", "temps", "heure", "時間", "時刻", "时间",
+        }),
+        sensors=frozenset({"timestamp", "datetime"}),
+        units=(("s", 0.1), ("ms", 50.0), ("us", np.inf)),
+        example="t_s",
+        is_required=True,
+    ),
+    "displacement": TestRole(
+        words=frozenset({
+            "displacement", "disp", "displ", "stroke", "position", "pos", "x", "u", "extension",
+            "elongation", "deflection", "weg", "hub", "verschiebung", "auslenkung", "verformung",
+            "desplazamiento", "carrera", "posición", "posicion", "déplacement", "deplacement", "course",
+            "変位", "変位量", "ストローク", "位置", "位移", "行程",
+        }),
+        sensors=frozenset({"lvdt", "laser"}),
+        units=(("m", 0.2), ("mm", 2000.0), ("um", np.inf)),
+        example="displacement_mm",
+        is_required=True,
+    ),
+    "velocity": TestRole(
+        words=frozenset({
+            "velocity", "vel", "v", "speed", "geschwindigkeit", "velocidad", "vitesse", "速度",
+        }),
+        units=(("m/s", 4.0), ("mm/s", np.inf)),
+        example="velocity_mps",
+    ),
+    "force": TestRole(
+        words=frozenset({
+            "force", "load", "f", "kraft", "last", "fuerza", "carga", "effort", "charge", "荷重", "力",
+            "抗力", "载荷", "荷载", "載荷", "阻尼力",
+        }),
+        sensors=frozenset({"cell"}),
+        units=(("kN", 20.0), ("N", np.inf)),
+        example="force_N",
+        is_required=True,
+    ),
+    "current": TestRole(
+        words=frozenset({
+            "current", "i", "amps", "ampere", "amperes", "strom", "corriente", "courant", "intensité",
+            "電流", "电流", *_COMMAND,
+        }),
+        sensors=frozenset({"shunt"}),
+        units=(("A", 20.0), ("mA", np.inf)),
+        example="current_A",
+    ),
+    "voltage": TestRole(
+        words=frozenset({
+            "voltage", "volt", "v", "u", "spannung", "voltaje", "電圧", "电压", "電壓", *_COMMAND,
+        }),
+        # In English a force.
+        sensors=frozenset({"tension", "tensión"}),
+        units=(("V", 50.0), ("mV", np.inf)),
+        example="voltage_V",
+    ),
 }  # fmt: skip
+QUANTITIES: Final[tuple[TestQuantity, ...]] = tuple(TEST_ROLES)
 # German joins words, and Japanese and Chinese have no blanks: Kolbenweg, Dämpferkraft, 減衰力. The first are other
 # quantities: thrust, acceleration, pressure, stress and power.
 _AT_END_OF_COMPOUNDS: Final = (
     "schub", "加速度", "圧力", "压力", "壓力", "応力", "应力", "電力",
     "zeit", "weg", "hub", "verschiebung", "geschwindigkeit", "kraft", "last", "strom", "spannung",
-    *(stem for stems in _STEMS.values() for stem in sorted(stems) if stem > "\u2e80"),
+    *(word for role in TEST_ROLES.values() for word in sorted(role.words) if word > "\u2e80"),
 )  # fmt: skip
 ASIAN_WORDS: Final = frozenset(word for word in _AT_END_OF_COMPOUNDS if not word.isascii())
 """Words for quantities that tell the encoding of a text."""
@@ -134,21 +174,21 @@ def plain_name(name: str) -> str:
 
 def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     """Unit text of a column whose name means the quantity, alone or among words, empty if none; else `None`."""
-    if (unit := _unit_of_word(name, _STEMS[quantity] | _OF_SENSORS[quantity])) is not None:
+    if (unit := _unit_of_word(name, TEST_ROLES[quantity].words | TEST_ROLES[quantity].sensors)) is not None:
         return unit
     words, at_end = words_and_unit(name)
     tokens = _words(words)
-    stems = _long_stems(quantity) | _OF_SENSORS[quantity]
+    stems = _long_stems(quantity) | TEST_ROLES[quantity].sensors
     others = tokens - stems
     if quantity in ("current", "voltage"):
         # A letter is enough beside words of a command: I_set, U_cmd.
-        letters = _STEMS[quantity] - stems
+        letters = TEST_ROLES[quantity].words - stems
         is_named = tokens & stems or (tokens & letters and len(tokens) > 1)
         # Coil (A) and driver_V, which are no sensor's.
         in_own_unit = quantity == quantity_of(at_end) and (quantity == "current" or tokens & _OF_DRIVER)
         is_named = is_named or (tokens and in_own_unit)
         # What a shunt shows in volts is no command.
-        is_sensed = tokens & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
+        is_sensed = tokens & TEST_ROLES[quantity].sensors and quantity_of(at_end) not in (None, quantity)
         is_command = others - letters <= _OF_COMMAND | _MEASURED
         return at_end if is_named and is_command and not is_sensed else None
     return at_end if tokens & stems and not others & _NOT_MEASURED else None
@@ -185,7 +225,7 @@ def may_be_a_command(name: str, apart: str = "") -> bool:
     """Whether a column has a unit of commands and no name of a motion, a force or a sensor of these."""
     unit = words_and_unit(name)[1] or apart
     tokens = _words(words_and_unit(name)[0])
-    of_motion = [tokens & (_long_stems(other) | _OF_SENSORS[other]) for other in QUANTITIES[:4]]
+    of_motion = [tokens & (_long_stems(other) | TEST_ROLES[other].sensors) for other in QUANTITIES[:4]]
     return (quantity_of(unit) in ("current", "voltage") or unit in _ASKED_UNITS) and not any(of_motion)
 
 
@@ -197,7 +237,7 @@ def is_second_choice(quantity: TestQuantity, name: str) -> bool:
 
 
 def _long_stems(quantity: TestQuantity) -> frozenset[str]:
-    return frozenset(stem for stem in _STEMS[quantity] if len(stem) > 1 or not stem.isascii())
+    return frozenset(stem for stem in TEST_ROLES[quantity].words if len(stem) > 1 or not stem.isascii())
 
 
 def find_column(column: str, names: Sequence[str], source: str) -> str:
@@ -263,22 +303,12 @@ def _unit_of_word(name: str, stems: frozenset[str]) -> str | None:
 
 def is_plain(quantity: TestQuantity, name: str) -> bool:
     """Whether a name has one word, besides a unit."""
-    return _unit_of_word(name, _STEMS[quantity]) is not None
+    return _unit_of_word(name, TEST_ROLES[quantity].words) is not None
 
 
 ReadColumn = Callable[[str], Floats | None]
 """Reads a column by its name; `None` where it does not have numbers."""
 
-# Units from the smallest numbers to the largest, each up to a size in it: half the peak to peak of a motion and of a
-# force, the step of the time, the largest command. Limits lie between what rigs measure in the two units.
-_UP_TO: Final[Mapping[TestQuantity, tuple[tuple[str, float], ...]]] = {
-    "time": (("s", 0.1), ("ms", 50.0), ("us", np.inf)),
-    "displacement": (("m", 0.2), ("mm", 2000.0), ("um", np.inf)),
-    "velocity": (("m/s", 4.0), ("mm/s", np.inf)),
-    "force": (("kN", 20.0), ("N", np.inf)),
-    "current": (("A", 20.0), ("mA", np.inf)),
-    "voltage": (("V", 50.0), ("mV", np.inf)),
-}
 # A column of so few values is a count or a state, no motion and no force.
 _FEWEST_VALUES: Final = 5
 _BETWEEN_WORDS: Final = re.compile(r"[\s_()\[\]{},;:|]+")
@@ -349,7 +379,7 @@ def likely_unit(quantity: TestQuantity, name: str, samples: Floats | None) -> st
     size = None if samples is None else _size(quantity, samples)
     if size is None:
         return next(iter(FACTORS[quantity]))
-    return next(unit for unit, limit in _UP_TO[quantity] if size <= limit)
+    return next(unit for unit, limit in TEST_ROLES[quantity].units if size <= limit)
 
 
 def _size(quantity: TestQuantity, samples: Floats) -> float | None:

@@ -26,6 +26,7 @@ from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import (
     NO_COLUMN,
     QUANTITIES,
+    TEST_ROLES,
     ColumnTable,
     Missing,
     ReadColumn,
@@ -41,17 +42,13 @@ from mrwork.files.named_columns import (
     words_and_unit,
 )
 
-REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
+REQUIRED: Final = tuple(quantity for quantity, role in TEST_ROLES.items() if role.is_required)
 MARKERS: Final = "markers"
 """Key of a mapping of columns for lines among the rows that are none, which `SKIP` leaves out."""
 SKIP: Final = "skip"
 LEFT_OUT: Final = "none"
 """Entry of a mapping of columns, by quantity or heading, for what is not read."""
 
-_EXAMPLE: Final[Mapping[TestQuantity, str]] = {
-    "time": "t_s", "displacement": "displacement_mm", "velocity": "velocity_mps", "force": "force_N",
-    "current": "current_A", "voltage": "voltage_V",
-}  # fmt: skip
 COMMAND: Final = "command"
 """Key of a mapping of columns for the command: a column of current or voltage, or a number with its unit."""
 
@@ -395,7 +392,7 @@ class Headings:
                     continue  # revolutions a minute, or a column of texts
                 lacks = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
                 problem = f"column '{name}' {lacks} ({', '.join(FACTORS[quantity])} are known)"
-                remedy = f"rename it, for example to '{_EXAMPLE[quantity]}', or give the unit"
+                remedy = f"rename it, for example to '{TEST_ROLES[quantity].example}', or give the unit"
                 raise _UnclearError(problem, remedy, Missing(quantity=quantity, column=name), UnitError)
             factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")
         if quantity in REQUIRED:
@@ -432,7 +429,7 @@ class Headings:
         else:
             shown = list_names([f"'{name}'" for name in self.names], _MOST_SHOWN)
             problem = f"no column for the {quantity} among {shown}"
-            remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
+            remedy = f"rename one, for example to '{TEST_ROLES[quantity].example}', or say which it is"
         return _UnclearError(problem, remedy, Missing(quantity=quantity), RecordError)
 
     @property
@@ -475,10 +472,10 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
     if not colon:
         column, unit = specification.strip(), ""
     if not column or (colon and not unit):
+        name = TEST_ROLES[quantity].example.partition("_")[0]
         raise SettingError(
-            f"column for the {quantity} is '{specification}'; expected COLUMN:UNIT, "
-            f"such as {_EXAMPLE[quantity].partition('_')[0]}:{next(iter(FACTORS[quantity]))}, or COLUMN where the file "
-            "tells the unit"
+            f"column for the {quantity} is '{specification}'; expected COLUMN:UNIT, such as "
+            f"{name}:{next(iter(FACTORS[quantity]))}, or COLUMN where the file tells the unit"
         )
     if unit:
         _scale_of(unit, quantity, context=f"column option {quantity}={specification}")
