@@ -92,6 +92,13 @@ def test_volts_and_counts_have_a_scale_and_an_offset(
     assert_is_the_test(read_damper_test(path, columns=dict([parse_column_option(f"force={given}")])))
 
 
+def test_a_force_in_volts_is_asked_for_its_scale(tmp_path: Path) -> None:
+    path = write_table(tmp_path / "rig.txt", {"t_s": TIME, "x_mm": MM, "Load (V)": NEWTON})
+    said = str(refusal(read_damper_test, path, match=r"is in V; give the force that one V stands for"))
+    option = shlex.split(said[said.index("--column") :])[1]
+    assert_is_the_test(read_damper_test(path, columns=dict([parse_column_option(option)])))
+
+
 @pytest.mark.parametrize("scale", ["V*200", "V*N", "V*200V", "V*200N+3", "V*2*3N"])
 def test_a_scale_without_a_unit_of_the_quantity_is_refused(scale: str) -> None:
     said = str(refusal(parse_column_option, f"force=Load (V):{scale}", match="N"))

@@ -394,6 +394,12 @@ class Headings:
                 problem = f"column '{name}' {lacks} ({', '.join(FACTORS[quantity])} are known)"
                 remedy = f"rename it, for example to '{TEST_ROLES[quantity].example}', or give the unit"
                 raise _UnclearError(problem, remedy, Missing(quantity=quantity, column=name), UnitError)
+            if quantity_of(unit) == "voltage":
+                option = column_option(quantity, name, f"{unit}*1{next(iter(FACTORS[quantity]))}")
+                raise UnitError(
+                    f"{self.source}: column '{name}' is in {unit}; give the {quantity} that one {unit} stands for in "
+                    f"place of the 1 in {option}"
+                )
             factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")
         if quantity in REQUIRED:
             raise self._without(quantity)
