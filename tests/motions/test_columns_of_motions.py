@@ -125,3 +125,11 @@ def test_a_step_beside_times_has_to_agree_with_them(tmp_path: Path) -> None:
     np.savetxt(path, rows, delimiter=",", header="t_s,roof (N)", comments="")
     assert read_forces(path, FLOORS, shares=None, dt=DT).n_time == TIME.size
     refusal(read_forces, path, FLOORS, shares=None, dt=2 * DT, match="step of 0.02 s where `dt` is 0.04 s")
+
+
+def test_accelerations_of_floors_are_not_those_of_the_ground(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    columns = np.column_stack([TIME, DECAY, 2.0 * DECAY, 3.0 * DECAY])
+    heading = "t_s,ground_accel_mps2,a1_mps2,a2_mps2"
+    np.savetxt(path, columns, delimiter=",", header=heading, comments="")
+    assert_allclose(read_motion(path).acceleration, DECAY)

@@ -16,9 +16,9 @@ from mrwork.files.named_columns import words_and_unit
 from mrwork.files.roles import Role, Series
 from mrwork.motions.ground_motion import GroundMotion
 
-# "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
+# "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot"; "acc 1" of a matrix, and no "a1", which is of a floor.
 _ACCELERATION: Final = re.compile(
-    r"((ground|road)[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)(\s?\d{1,2})?", re.IGNORECASE
+    r"((ground|road)[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)(\s\d{1,2})?", re.IGNORECASE
 )
 
 
