@@ -8,13 +8,16 @@ from numpy.testing import assert_allclose
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.motions.read import motion_of_columns
+from mrwork.files.roles import TIME, Series, check_rows
+from mrwork.motions.series import ACCELERATION, motion_of_series
 
 MOTION = mr.synthetic_motion(duration=5.0)
 
 
 def columns(time: np.ndarray, acceleration: np.ndarray) -> mr.GroundMotion:
-    return motion_of_columns(time, acceleration, name="a", source="", where=lambda row: f"row {row}")
+    series = Series(along=time, samples=acceleration[None, :], where=lambda row: f"row {row}")
+    check_rows(series, TIME, ACCELERATION)
+    return motion_of_series(series, name="a", source="")
 
 
 def test_a_straight_acceleration_is_integrated_exactly() -> None:

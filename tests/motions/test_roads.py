@@ -131,7 +131,8 @@ def test_distances_at_a_speed_are_times(tmp_path: Path) -> None:
         ("t_s,height_mm", {"unit": "m"}, "states mm; leave it out"),
         ("t_s,left,right", {}, "which column is the height"),
         ("t_s,a_g", {}, "is an acceleration"),
-        ("left_mm,height_mm", {}, "no column of distances or times"),
+        ("left_mm,height_mm", {}, "no column is time"),
+        ("left_mm,height_mm", {"speed": 20.0}, "no column of distances"),
         ("", {"unit": "mm"}, "distances or times"),
     ],
 )
@@ -149,7 +150,7 @@ def test_uneven_distances_are_refused_with_their_line(tmp_path: Path) -> None:
     refusal(read_road, path, speed=10.0, match=r"road\.csv.*line 9: a step of 1\.4 where others are 1;")
     along[7] = 3.0
     written(path, "distance_m,height_m", along, np.zeros(20))
-    refusal(read_road, path, speed=10.0, match=r"line 9: the heights go from 6 to 3;")
+    refusal(read_road, path, speed=10.0, match=r"line 9: distance goes from 6 to 3 m; sort")
     written(path, "distance_m,height_m", np.arange(20.0), np.where(np.arange(20) == 4, np.nan, 0.0))
     refusal(read_road, path, speed=10.0, match=r"line 6: the height is no finite number")
 

@@ -10,8 +10,8 @@ from record_files import clean_columns, codes, message, write_text
 from refusals import refusal
 from sentences import Refused
 
+from mrwork.files.grid import grid
 from mrwork.files.named_columns import TestQuantity, likely_unit
-from mrwork.files.rounded_times import rounded_grid
 from mrwork.records import read_damper_test
 from mrwork.records.columns import parse_column_option
 from mrwork.records.command import nominal_from_name
@@ -133,12 +133,12 @@ def test_the_amplitude_of_a_name_and_of_check_is_half_the_peak_to_peak(tmp_path:
 
 def test_times_in_rounded_decimals_are_those_of_their_grid_and_a_shifted_one_is_not() -> None:
     times = np.round(0.003 + 0.01 * np.arange(200), 4)
-    grid = rounded_grid(np.round(times + 2e-5, 4))
-    assert grid is not None
-    np.testing.assert_allclose(grid, times, atol=1e-4)
+    uniform = grid(np.round(times + 2e-5, 4)).uniform
+    assert uniform is not None
+    np.testing.assert_allclose(uniform, times, atol=1e-4)
     # A second in whole numbers has a coarse digit, and stands more than half a step off.
     times[99] = 1.0
-    assert rounded_grid(times) is None
+    assert grid(times).uniform is None
 
 
 def test_what_is_no_motion_and_no_force_is_no_candidate_for_one(tmp_path: Path) -> None:
@@ -180,10 +180,11 @@ def test_of_two_columns_with_one_name_none_is_taken_for_the_other(tmp_path: Path
     )
     path = tmp_path / "twice.csv"
     np.savetxt(path, rows, delimiter=",", header="t_s,displacement_m,force_N,force_N", comments="")
-    refusal(read_damper_test, path, match="2 columns are called 'force_N'.* rename")
-    # The number 4 gave the third column.
-    for column in ("4:N", "force_N:N"):
-        refusal(read_damper_test, path, columns={"force": column}, match="'force_N' occurs 2 times")
+    refusal(read_damper_test, path, match="'3 force_N' and '4 force_N' both look like the force")
+    refusal(read_damper_test, path, columns={"force": "force_N:N"}, match="may be '3 force_N', '4 force_N'")
+    forces = [read_damper_test(path, columns={"force": column}).force for column in ("3:N", "4", "4 force_N")]
+    np.testing.assert_allclose(forces[1], 1.2 * forces[0])
+    np.testing.assert_array_equal(forces[1], forces[2])
 
 
 @pytest.mark.parametrize(

@@ -181,6 +181,31 @@ def test_a_stated_unit_is_trusted_ten_times_more(tmp_path: Path) -> None:
     assert study(tmp_path, FRAME, 'pga = ["0.01 g", "0.3 g"]\n').remarks == ()
 
 
+@pytest.mark.parametrize(
+    ("target", "asked"),
+    [
+        ('code = "asce_7"\ns_ds = 0.75\ns_d1 = 0.45\nt_l = 8\n', {"s_ds": 0.75, "s_d1": 0.45}),
+        ('code = "en_1998"\na_g = 0.3\nground = "B"\n', {"a_g": 0.3}),
+        ("periods = [0, 0.1, 0.5, 2]\naccelerations = [0.3, 0.75, 0.7, 0.2]\n", {"accelerations": 0.75}),
+        ('code = "asce_7"\ns_ds = "0.75 g"\ns_d1 = "0.45 g"\nt_l = 8\n', {}),
+        ('code = "en_1998"\na_g = 3.0\nground = "B"\n', {}),
+    ],
+)
+def test_numbers_of_codes_that_are_of_g_are_asked_about(
+    tmp_path: Path, target: str, asked: dict[str, float]
+) -> None:
+    made = study(tmp_path, FRAME, f'scale_to = "least_squares"\n[target]\n{target}')
+    said = [remark for remark in made.remarks if remark.code == "number_unusual"]
+    assert {remark.words[1]: remark.measured for remark in said} == {
+        name: Measured(value, "m/s2") for name, value in asked.items()
+    }
+    assert all(
+        f'write "{value:g} g"' in remark.message for remark, value in zip(said, asked.values(), strict=True)
+    )
+    level = study(tmp_path, FRAME, "sa = 0.5\n").remarks
+    assert [(each.code, each.words[1]) for each in level] == [("number_unusual", "sa")]
+
+
 def test_two_dozen_planted_faults_are_told_and_honest_studies_are_silent() -> None:
     shares, asked = sweep(FAULTS, honest, 2 * len(FAULTS) + 2, 3)
     assert asked == []

@@ -49,6 +49,7 @@ from mrwork.buildings.passive_devices import (
 from mrwork.buildings.passive_element import PassiveElement
 from mrwork.buildings.plane_building import Building, source_with
 from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states, static_condensation
+from mrwork.buildings.story_table import building_of_stories
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matlab import Variables, describe_left_out, matrices_among
@@ -68,6 +69,10 @@ _OR_FILE: Final = (
 )
 
 
+# Tables of storeys.
+_OF_TABLES: Final = (".csv", ".tsv", ".txt", ".xlsx")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildingTable:
     """A building: a published one, one of a file, a shear building by its masses, or matrices; then its additions.
@@ -77,7 +82,9 @@ class BuildingTable:
 
     published: str | None = optional("name of a published building, as uts")
     file: str | Building | None = optional(
-        "file of the building: .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv", file=True
+        "file of the building: .toml, .mat (M, C, K by name), a folder with M.csv, C.csv, K.csv, or a table of "
+        "storeys, .csv or .xlsx, with mass or weight, stiffness, and height or elevation of each",
+        file=True,
     )
     system: str | None = optional(
         "file .mat of a state space: A = [0 I; -M^-1 K, -M^-1 C] in any order of its states, and M, or B with `inputs`",
@@ -224,10 +231,12 @@ def _read(
             given, source = _choose_matrices(read_contents(path, _TITLES), path, arrays)
             table = BuildingTable(name=path.stem, source=source)
             return _from_matrices({**_in_si(given, over), **arrays}, table)
+    if path.suffix.lower() in _OF_TABLES:
+        return building_of_stories(path)
     if path.suffix.lower() != ".toml":
         raise RecordError(
-            f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
-            "save it as one of these"
+            f"{path}: a building comes as a .toml or .mat file, as a folder with M.csv, C.csv and K.csv, or as a table "
+            "of storeys with their masses and stiffnesses, .csv or .xlsx; save it as one of these"
         )
     text = text_of(path, TOML)
     try:

@@ -18,6 +18,7 @@ from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, reading_of
 from mrwork.errors import MrworkError, SettingError, escape_text
 from mrwork.records import DamperTest, guess_tests, write_test_table
+from mrwork.records.columns import parse_column_option
 from mrwork.records.damper_test import RECORD_COLUMNS
 from mrwork.records.reading import is_synthetic
 from mrwork.records.remarks import gathered_remarks, remarks_of_set
@@ -90,7 +91,16 @@ def _write_table(options: argparse.Namespace) -> int:
     table = files[0].parent / TABLE_NAME if options.table == Path() else options.table
     for sentence in files_not_read(named).values():
         note(sentence)
-    rows = guess_tests(files)
+    of_reading = {
+        "--from": options.start is not None, "--until": options.end is not None, "--every": options.every > 1,
+        "--repair": bool(options.repair), "--settle": options.settle is not None,
+        "--keep-velocity": options.keep_velocity,
+    }  # fmt: skip
+    if given := [name for name, is_given in of_reading.items() if is_given]:
+        raise SettingError(
+            f"a table of tests has no place for {given[0]}; give it with the table, where it is read"
+        )
+    rows = guess_tests(files, columns=dict(parse_column_option(option) for option in options.column))
     write_test_table(table, rows)
     lines = []
     for row in rows:

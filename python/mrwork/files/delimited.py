@@ -29,6 +29,7 @@ from mrwork.files.layout import (
     NUMBER,
     SURELY_DECIMAL,
     Layout,
+    distinct_names,
     is_number,
     layout_of,
     split,
@@ -83,7 +84,7 @@ class DelimitedTable(ColumnTable):
         if not layout.data:
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
         self.sha256 = sha256
-        self.names = layout.names
+        self.headings, self.names = layout.names, distinct_names(layout.names)
         self._source = source
         self._lines = lines
         self._delimiter = layout.delimiter
@@ -94,12 +95,12 @@ class DelimitedTable(ColumnTable):
         # Fields at the end of a row may have no name.
         raw = split(without_remark(lines[self._data[0]]), layout.delimiter)
         self._width = max(len(self.names), len(raw))
-        pairs = zip(layout.names, self._first, strict=False)
+        pairs = zip(self.names, self._first, strict=False)
         self.stamps = frozenset(
             name for name, text in pairs if ":" in text and _nanoseconds(text) is not None
         )
         # Times of the day are read as seconds.
-        self.units = dict(zip(layout.names, layout.units, strict=False)) | dict.fromkeys(self.stamps, "s")
+        self.units = dict(zip(self.names, layout.units, strict=False)) | dict.fromkeys(self.stamps, "s")
 
     def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """Parse the requested columns, each of shape (n_time,)."""
@@ -120,6 +121,15 @@ class DelimitedTable(ColumnTable):
         for index, since in times.items():
             columns[index] = _seconds_since_first(since)
         return {name: columns[index] for name, index in places.items()}
+
+    def texts(self, name: str) -> list[str]:
+        """A column as it is written."""
+        column = self.names.index(name)
+        return [[*self._split(row), *[""] * column][column] for row in self._data]
+
+    def size_of(self, name: str) -> int:
+        """Number of rows, of every column."""
+        return len(self._data)
 
     def locate(self, row: int) -> str:
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""

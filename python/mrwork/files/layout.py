@@ -76,10 +76,7 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     else:
         rows = _run(lines, filled[:_ENOUGH_LINES])
     if rows is None:
-        # Without a row of numbers the first line is the header.
-        delimiter = delimiter_of(lines[filled[0]])
-        fields = without_empty_end(split(lines[filled[0]], delimiter))
-        return Layout(delimiter=delimiter, names=tuple(map(str.strip, fields)), units=(), data=filled[1:])
+        return _without_rows(lines, filled)
     nearest = list(islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN))
     if not nearest:
         return _named_by_comment(lines, filled, rows)
@@ -90,6 +87,20 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
         units=tuple(text.strip(_BRACKETS) for index in unit_lines for text in _texts(lines[index], rows)),
         data=_below(lines, filled, rows, names_line, (*unit_lines, *other_lines)),
     )
+
+
+def _without_rows(lines: Sequence[str], filled: Sequence[int]) -> Layout:
+    """Layout of a file without rows of two numbers: one column, below its heading if it has one, or a header alone."""
+    first = next(
+        (n for n, index in enumerate(filled) if is_number(without_remark(lines[index]))), len(filled)
+    )
+    if first < len(filled) and all(is_number(without_remark(lines[index])) for index in filled[first:]):
+        names = (lines[filled[first - 1]].strip(),) if first else numbered_names(1)
+        return Layout(delimiter="\t", names=names, units=(), data=filled[first:])
+    # Without a row of numbers the first line is the header.
+    delimiter = delimiter_of(lines[filled[0]])
+    fields = without_empty_end(split(lines[filled[0]], delimiter))
+    return Layout(delimiter=delimiter, names=tuple(map(str.strip, fields)), units=(), data=filled[1:])
 
 
 def is_data(line: str) -> bool:
@@ -288,3 +299,11 @@ def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -
 def numbered_names(count: int) -> tuple[str, ...]:
     """Names of columns that have none: their numbers from 1."""
     return tuple(str(number + 1) for number in range(count))
+
+
+def distinct_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, those that several columns have with the number of the column in front; empty ones are numbers."""
+    return tuple(
+        name if names.count(name) == 1 else f"{number} {name}".strip()
+        for number, name in enumerate(names, start=1)
+    )

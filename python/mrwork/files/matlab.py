@@ -78,8 +78,9 @@ Block = bytes | memoryview
 def open_matlab(path: Path, column: str | None = None) -> ColumnTable:
     """Open a .mat file; the columns are its numeric vectors, or those in the fields of its structs, by path.
 
-    Where `column` is in a struct, they are the vectors of this struct by their names in it. Without vectors they are
-    the columns of the only matrix, or its rows where these are longer, by their numbers.
+    Where `column` is in a struct, they are the vectors of this struct by their names in it. A matrix of rows as
+    long as the vectors has columns, too, as `F 1` and `F 2` of `F`. Without vectors they are the columns of the only
+    matrix, or its rows where these are longer, by their numbers.
     """
     data, variables = read_variables(path, RECORD, column)
     vectors = {
@@ -91,26 +92,39 @@ def open_matlab(path: Path, column: str | None = None) -> ColumnTable:
     columns = {name: vector for name, vector in vectors.items() if name.rpartition(".")[0] == inside}
     if max((vector.size for vector in columns.values()), default=0) < 2:
         columns = vectors
-    matrices = [
-        name
+    length = max((vector.size for vector in columns.values()), default=0)
+    matrices = {
+        name: matrix if matrix.shape[0] < matrix.shape[1] else matrix.T
         for name, matrix in matrices_among(variables).items()
         if min(matrix.shape) > 1 and max(matrix.shape) >= _FEWEST_ROWS
-    ]
-    if max((vector.size for vector in columns.values()), default=0) < 2 and len(matrices) == 1:
-        matrix = np.asarray(variables.pop(matrices[0]))
-        rows = matrix if matrix.shape[0] < matrix.shape[1] else matrix.T
-        columns = dict(zip(numbered_names(len(rows)), rows, strict=True))
+    }
+    # Rows of a matrix are columns of the file where they are as long as the vectors.
+    arrays = {
+        name: rows for name, rows in matrices.items() if name not in vectors and rows.shape[1] == length
+    }
+    if length < 2 and len(matrices) == 1:
+        ((name, rows),) = matrices.items()
+        variables.pop(name)
+        columns, arrays = dict(zip(numbered_names(len(rows)), rows, strict=True)), {}
+    of_arrays = {
+        name: tuple(f"{name} {row + 1}" for row in range(len(rows))) for name, rows in arrays.items()
+    }
+    for name, names in of_arrays.items():
+        columns |= dict(zip(names, arrays[name], strict=True))
     if not columns:
         raise RecordError(
             f"{path}: expected one numeric vector per quantity, found {describe_left_out(variables) or 'nothing'}; "
             "save the time and each quantity as a variable of its own"
         )
-    left_out = describe_left_out({name: of for name, of in variables.items() if name not in columns})
+    left_out = describe_left_out(
+        {name: of for name, of in variables.items() if name not in {*columns, *arrays}}
+    )
     return VectorTable(
         source=str(path),
         sha256=hashlib.sha256(data).hexdigest(),
         vectors={name.removeprefix(f"{inside}."): vector for name, vector in columns.items()},
         unused=(f"variables {left_out}",) if left_out else (),
+        arrays=of_arrays,
     )
 
 

@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import io
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -148,13 +149,24 @@ def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTa
     )
 
 
+# A part of a file: sweeps.csv#2.
+_PART: Final = re.compile(r"(.+)#(\d{1,6})", re.DOTALL)
+
+
+def split_part(path: str | os.PathLike[str]) -> tuple[str, int]:
+    """A file and the number of a part of it, as in ``sweeps.csv#2``; 0 where the whole is meant."""
+    text = os.fspath(path)
+    match = None if exists(text) else _PART.fullmatch(text)
+    return (text, 0) if match is None else (match[1], int(match[2]))
+
+
 def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:
     """Return the files of a sequence of paths in its order, or of a glob pattern in name order."""
     if isinstance(paths, str | os.PathLike):
         pattern = os.fspath(paths)
         # An existing file whose name contains brackets is not a pattern.
         paths_of_pattern = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
-        files = [pattern] if exists(pattern) else sorted(paths_of_pattern)
+        files = [pattern] if exists(split_part(pattern)[0]) else sorted(paths_of_pattern)
         if not files:
             raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
         return files

@@ -173,21 +173,26 @@ def no_better_than_linear(
     )
 
 
+_ORDER = 3
+
+
 def force_noise(tests: Sequence[DamperTest]) -> float:
     """Standard deviation of the noise of the forces [N], from third differences.
 
     Those of white noise have twenty times its variance, and those of a force between its corners none; neither have
     those of a clipped one, which are left out with all samples that are not compared.
     """
-    rough = np.concatenate([np.diff(test.force, 3)[_differences_counted(test)] for test in tests])
+    rough = np.concatenate([_differences(test) for test in tests])
     return float(np.median(np.abs(rough))) / NormalDist().inv_cdf(0.75) / float(np.sqrt(20.0))
 
 
-def _differences_counted(test: DamperTest) -> slice | NDArray[np.bool_]:
-    """The third differences of samples that are compared; all of them where too few are."""
+def _differences(test: DamperTest) -> Floats:
+    """The third differences of the force over compared samples, or of these alone where no four are in a row."""
     outside = outside_spans(test)
     counted = outside[:-3] & outside[1:-2] & outside[2:-1] & outside[3:]
-    return counted if counted.any() else slice(None)
+    if counted.any():
+        return np.diff(test.force, _ORDER)[counted]
+    return np.diff(test.force[outside] if np.count_nonzero(outside) > _ORDER else test.force, _ORDER)
 
 
 # A test is far worse in a joint fit than alone above this multiple of the NRMSE of its own fit, which is at least

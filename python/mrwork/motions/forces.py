@@ -10,15 +10,14 @@ import numpy as np
 from mrwork.base.keys import suggestion
 from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
-from mrwork.base.units import factor_to_si
 from mrwork.base.values import Floats
-from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.errors import RecordError, SettingError
 from mrwork.files.layout import numbered_names
-from mrwork.files.named_columns import ColumnTable, unit_in_name, words_and_unit
+from mrwork.files.named_columns import ColumnTable, words_and_unit
 from mrwork.files.open_table import open_table
+from mrwork.files.roles import Role, Stated, described, series_of
 from mrwork.motions.ground_motion import GroundMotion, force_motion, replace_samples
-from mrwork.motions.networks import on_one_step
-from mrwork.motions.read import runs_as_time, seconds_of
+from mrwork.motions.series import on_one_step
 
 # Part of a step by which two steps may miss being multiples, as by the rounding of times.
 _OFF_STEP = 1e-6
@@ -56,33 +55,32 @@ def _plain(name: str) -> str:
 # Overflowing values become infinite, and are refused.
 @np.errstate(over="ignore", invalid="ignore")
 def read_forces(
-    path: Path, floors: Sequence[str], *, shares: Floats | None, unit: str | None, dt: float | None
+    path: Path,
+    floors: Sequence[str],
+    *,
+    shares: Floats | None,
+    unit: str | None = None,
+    dt: float | None = None,
+    alone: bool = True,
 ) -> GroundMotion:
     """Read the forces on these floors from a table.
 
     A column is of the floor that it names, columns without names are of all floors in order, and floors without a
     column have no force. With the `shares` of `shares_of` one column is the force that they multiply. `unit` is that of
-    columns that do not state theirs, `dt` the step [s] of a table without times.
+    columns that do not state theirs, `dt` the step [s] of a table without times; where the forces are not `alone`,
+    these are of the motion of the ground, and the table has to state its own.
     """
     table = open_table(path, lambda _: True)
-    names, source = table.names, str(path)
-    numbered = names == numbered_names(len(names))
-    time = next((name for name in names if unit_in_name("time", name) is not None), None)
-    if time is None and len(names) > 1 and dt is None:
-        first = table.numbers(names[0])
-        time = names[0] if first is not None and runs_as_time(first) else None
-    free = [name for name in names if name != time]
-    if not free or (time is None and dt is None):
-        lacking = (
-            "no column is time; give its step, as dt = 0.01"
-            if free
-            else "it has times alone; give forces, too"
-        )
-        raise RecordError(f"{source}: {lacking}")
-    if time is not None and dt is not None:
-        raise SettingError(
-            f"{source}: `dt` is {dt:g} s where column '{time}' holds the times; leave `dt` out"
-        )
+    source = str(path)
+    series = series_of(
+        table,
+        _force_on(floors, takes_options=alone),
+        Stated(unit=unit, dt=dt) if alone else Stated(),
+        source=source,
+        choose=lambda names: _forces_among(names, table, floors, shares),
+    )
+    free = series.names
+    numbered = table.names == numbered_names(len(table.names)) or free in table.arrays.values()
     if shares is not None and len(free) > 1:
         raise RecordError(
             f"{source}: `floor` and `shape` are of one column of forces, and there are {list_names(free)}; leave them "
@@ -99,29 +97,33 @@ def read_forces(
     if shares is None:
         shares = np.zeros((len(floors), len(free)))
         shares[_places(free, floors, source, numbered=numbered), range(len(free))] = 1.0
-    columns = table.read(free if time is None else [time, *free])
-    factors = _factors(table, free, unit, floors, source)
-    samples = np.array([factor * columns[name] for factor, name in zip(factors, free, strict=True)])
-    wrong = np.argwhere(~np.isfinite(samples.T))
-    if wrong.size:
-        row, column = wrong[0].tolist()
-        where = f"{source}: {table.locate(row)}"
-        raise RecordError(f"{where}: the force in column '{free[column]}' is no finite number; correct it")
-    change = ""
-    if time is not None:
-        times = seconds_of(table, time, source)
-        falls = np.flatnonzero(~(np.diff(times) > 0.0))
-        if times.size < 2:
-            raise RecordError(f"{source}: has {counted(times.size, 'row')} of forces; give two or more")
-        if falls.size:
-            raise RecordError(
-                f"{source}: {table.locate(int(falls[0]) + 1)}: times do not rise; sort the rows"
-            )
-        steps = [on_one_step(times, each, lambda row: f"{source}: {table.locate(row)}") for each in samples]
-        dt, change, samples = steps[0][0], steps[0][2], np.array([each for _, each, _ in steps])
-    assert dt is not None
-    motion = force_motion(shares @ samples, dt, name=path.stem, source=path.name)
-    return replace_samples(motion, motion.acceleration, dt, change) if change else motion
+    samples, step, change = series.samples, series.dt, ""
+    if series.along is not None:
+        step, samples, change = on_one_step(series)
+    assert step is not None
+    motion = force_motion(shares @ samples, step, name=path.stem, source=described(path.name, table, series))
+    return replace_samples(motion, motion.acceleration, step, change) if change else motion
+
+
+def _force_on(floors: Sequence[str], *, takes_options: bool) -> Role:
+    """A column of forces; a floor may be called by a word that is a unit."""
+    return Role(
+        noun="force",
+        quantity="force",
+        is_called=lambda name: _plain(_words_of(name, floors)[0]) in {*map(_plain, floors)},
+        unit_in=lambda name: _words_of(name, floors)[1],
+        example="kN",
+        many=True,
+        takes_options=takes_options,
+    )
+
+
+def _forces_among(
+    names: Sequence[str], table: ColumnTable, floors: Sequence[str], shares: Floats | None
+) -> Sequence[str]:
+    """The candidates, or the columns of the only matrix that has one for each floor."""
+    of_floors = [columns for columns in table.arrays.values() if len(columns) == len(floors)]
+    return of_floors[0] if shares is None and len(of_floors) == 1 else names
 
 
 def _places(names: Sequence[str], floors: Sequence[str], source: str, *, numbered: bool) -> list[int]:
@@ -150,28 +152,6 @@ def _places(names: Sequence[str], floors: Sequence[str], source: str, *, numbere
 def _words_of(name: str, floors: Sequence[str]) -> tuple[str, str]:
     """The words of the name of a column, and its unit; a floor may be called by a word that is a unit."""
     return (name, "") if _plain(name) in {*map(_plain, floors)} else words_and_unit(name)
-
-
-def _factors(
-    table: ColumnTable, names: Sequence[str], unit: str | None, floors: Sequence[str], source: str
-) -> list[float]:
-    """Factors of columns to newtons, by the units of their names, of the file or else the given one."""
-    stated = [_words_of(name, floors)[1] or table.units.get(name, "") for name in names]
-    factors = [
-        factor_to_si(own or unit or "N", "force", context=f"{source}: column '{name}'")
-        for name, own in zip(names, stated, strict=True)
-    ]
-    if unit is None and "" in stated:
-        name = names[stated.index("")]
-        raise UnitError(
-            f"{source}: column '{name}' does not state the unit of its forces; write it in the head, as '{name} (kN)', "
-            'or give unit = "kN", which beside a motion of the ground would be of that'
-        )
-    if unit is not None and "" not in stated and {*stated} != {unit}:
-        raise SettingError(
-            f"{source}: `unit` is {unit!r} where every column states its own; leave `unit` out"
-        )
-    return factors
 
 
 def with_forces(ground: GroundMotion, forced: GroundMotion) -> GroundMotion:

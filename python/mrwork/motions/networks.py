@@ -20,8 +20,9 @@ from mrwork.base.units import FACTORS, factor_to_si
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.layout import reads_as_float
-from mrwork.files.rounded_times import regular_steps, rounded_grid
+from mrwork.files.roles import TIME, Series, Stated, check_rows
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions.series import ACCELERATION, motion_of_series
 
 _HEADER_SHOWN = 60
 # Characters of a line of a header: what searches it takes longer than in proportion.
@@ -97,16 +98,6 @@ def quote_text(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stated:
-    """Options for what a file does not state: a unit, a step [s], a column or variable, a channel counted from 1."""
-
-    unit: str | None = None
-    dt: float | None = None
-    column: str | None = None
-    channel: int | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Format:
     """A text format: how its content is recognised, how it is read, and which fields of `Stated` it takes."""
 
@@ -130,76 +121,6 @@ def make_motion(path: Path, *, dt: float, acceleration: Floats, source: str) -> 
             f"{path}: {acceleration.size} samples every {dt:g} s are no record; give two or more at a positive step"
         )
     return GroundMotion(name=path.stem, dt=dt, acceleration=acceleration, source=f"{source} ({path.name})")
-
-
-# A last sample of zero this long after the others [s], and in steps, is padding and not part of the record.
-_PADDING = 1.0
-_PADDING_STEPS = 20.0
-# A longer step within a record [s], and in steps, is a gap; the last may be longer.
-_GAP = 0.25
-_GAP_STEPS = 10.0
-
-
-def motion_of_columns(
-    time: Floats, acceleration: Floats, *, name: str, source: str, where: Callable[[int], str]
-) -> GroundMotion:
-    """Build a motion from times [s] and accelerations [m/s^2], shape (n_time,); `where` names a row in messages.
-
-    Steps that are equal up to jitter or rounding are taken as uniform; otherwise the record is resampled linearly.
-    """
-    for values, what in ((time, "time"), (acceleration, "acceleration")):
-        if not np.isfinite(values).all():
-            row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise RecordError(
-                f"{where(row)}: the {what} is no finite number; correct the value or delete the row"
-            )
-    if time.size < 2:
-        raise RecordError(f"{where(0)}: the record has {time.size} rows; give two or more")
-    wrong = np.flatnonzero(np.diff(time) <= 0.0)
-    if wrong.size:
-        row = int(wrong[0]) + 1
-        raise RecordError(
-            f"{where(row)}: time goes from {time[row - 1]:g} to {time[row]:g} s; sort the rows, and write times with "
-            "digits enough to differ"
-        )
-    padding, last, others = "", time[-1] - time[-2], np.diff(time[:-1]).max(initial=0.0)
-    if time.size > 3 and acceleration[-1] == 0.0 and last > max(_PADDING, _PADDING_STEPS * others):
-        padding = f"last point dropped: zero at {time[-1]:g} s, {last:g} s behind the others, is padding"
-        time, acceleration = time[:-1], acceleration[:-1]
-    dt, acceleration, change = on_one_step(time, acceleration, where)
-    # Records of one step often begin after it.
-    begins = abs(time[0]) > 1.5 * dt
-    counted = f"times begin at {time[0]:g} s in the file, and are counted from 0 s" if begins else ""
-    changes = tuple(filter(None, (padding, change, counted)))
-    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=changes)
-
-
-def on_one_step(time: Floats, acceleration: Floats, where: Callable[[int], str]) -> tuple[float, Floats, str]:
-    """Step [s], samples, and a description of the change."""
-    steps, _, regular = regular_steps(time)
-    if regular.all():
-        return float(time[-1] - time[0]) / steps.size, acceleration, ""
-    uniform = rounded_grid(time)
-    if uniform is not None:
-        dt = float(uniform[-1] - uniform[0]) / steps.size
-        return dt, acceleration, f"times written to {np.ptp(steps):.3g} s taken as uniform, every {dt:.6g} s"
-    if not regular.any():
-        raise RecordError(f"{where(0)}: no two times have a common step; check the column of times")
-    dt = float(steps[regular].mean())
-    # Regular steps are taken as equal, so that their samples are kept and not interpolated.
-    knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
-    n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
-    line = int(np.argmax(steps))
-    is_gap = line < steps.size - 1 and steps[line] > max(_GAP_STEPS * dt, _GAP)
-    if n_time > 2 * time.size or is_gap:
-        raise RecordError(
-            f"{where(line + 1)}: a gap of {steps[line]:.4g} s before it, and steps of {dt:.4g} s elsewhere; cut out "
-            "one continuous part"
-        )
-    odd = steps[~regular] - dt
-    worst = odd[np.argmax(np.abs(odd))]
-    change = f"resampled every {dt:.6g} s, straight between; steps that differ: {odd.size}, by up to {worst:+.4g} s"
-    return dt, np.interp(dt * np.arange(n_time), knots, acceleration), change
 
 
 def chosen_channel(path: Path, titles: Sequence[str], stated: Stated) -> int:
@@ -457,12 +378,12 @@ def _read_points(lines: Lines, line: int, points: re.Match[str], source: str) ->
 
 def _motion_of_pairs(lines: Lines, first: int, per_line: int, pairs: Floats, source: str) -> GroundMotion:
     """The motion of pairs of time [s] and acceleration [m/s^2], shape (n_time, 2), so many in each line."""
-    return motion_of_columns(
-        *pairs.T,
-        name=lines.path.stem,
-        source=f"{source} ({lines.path.name})",
-        where=lambda row: lines.where(first + row // per_line),
+    time, acceleration = pairs.T
+    series = Series(
+        along=time, samples=acceleration[None, :], where=lambda row: lines.where(first + row // per_line)
     )
+    check_rows(series, TIME, ACCELERATION)
+    return motion_of_series(series, name=lines.path.stem, source=f"{source} ({lines.path.name})")
 
 
 def _title_above(heads: list[str]) -> str:

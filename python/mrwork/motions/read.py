@@ -11,24 +11,23 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Final
 from warnings import warn
 
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.hints import SMALLEST
 from mrwork.base.remark import warnings_of
 from mrwork.base.summary import list_names
-from mrwork.base.units import FACTORS, factor_of, factor_to_si, quantity_of
-from mrwork.base.values import Floats
-from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
+from mrwork.base.units import factor_of, quantity_of
+from mrwork.errors import MrworkWarning, RecordError, SettingError
 from mrwork.files.delimited import DelimitedTable, read_text_bytes, split_lines
+from mrwork.files.grid import grid
 from mrwork.files.layout import DECIMAL_COMMA, Layout, is_data, numbered_names, reads_as_float
 from mrwork.files.matlab import describe_left_out, matrices_among, open_matlab, read_variables
-from mrwork.files.named_columns import ColumnTable, VectorTable, find_column, unit_in_name, words_and_unit
+from mrwork.files.named_columns import ColumnTable, VectorTable, find_column, unit_in_name
 from mrwork.files.open_table import listed_files
-from mrwork.files.rounded_times import rounded_grid
+from mrwork.files.roles import Stated, series_of
 from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
@@ -41,25 +40,19 @@ from mrwork.motions.networks import (
     VOLUME,
     Format,
     Lines,
-    Stated,
-    motion_of_columns,
     quote_text,
     read_numbers,
     refuse_needless,
 )
+from mrwork.motions.series import ACCELERATION, motion_of_series
 from mrwork.store.input_file import RECORD, bytes_of, is_file, is_folder
 
-# "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
-_ACCELERATION: Final = re.compile(
-    r"((ground|road)[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE
-)
 # "road_acceleration_mps2", of a road under a vehicle.
 _ACCELERATION_OF_ROAD: Final = re.compile(r"road[\s_-]*a", re.IGNORECASE)
 # Directions and channels: N-S, EW, U(+), N00E, H1, CANAL-1.
 _LABEL: Final = re.compile(
     r"[A-Z]{1,2}[-_.]?[A-Z0-9]{0,4}(\([+-]\))?|[a-z]{1,2}\d?|(?i:canal|ch[a-z]*|comp[a-z]*|col[a-z]*)[-_. ]?\d{1,2}"
 )
-_SECONDS: Final = ("", "sec", "secs", "second", "seconds")
 # Lines of the longest header.
 _LONGEST_HEADER: Final = 150
 # Lines above the numbers among which names are looked for.
@@ -71,20 +64,6 @@ _MOST_LISTED: Final = 12
 # Rows from which on columns are told from a series in rows, and how much smoother these then are.
 _FEWEST_ROWS: Final = 20
 _SMOOTHER: Final = 0.5
-# Relative difference between the step that the header states and the step of the times; more is a contradiction.
-_STEPS_DIFFER: Final = 0.05
-
-
-def _is_acceleration(name: str) -> bool:
-    return _ACCELERATION.fullmatch(_stem_and_unit(name)[0].rstrip(" _-,:")) is not None
-
-
-def _stem_and_unit(name: str) -> tuple[str, str | None]:
-    """A column's name without and with its unit, as of ``Acc (cm/s^2)`` or ``EW [g]``; ``a_g`` is often not in g."""
-    words, unit = words_and_unit(name)
-    has_unit = factor_of(unit, "acceleration") is not None and name.strip().casefold() != "a_g"
-    return (words, unit) if has_unit else (name.strip(), None)
-
 
 # What a header states: a step, a rate, and a unit after its key, or after "in units of".
 _VALUE: Final = r"(?P<key>[^:=]{0,40}[:=]|\s*\([^)]*\)|)[\s/]*(?P<value>\d*\.?\d+(?:e-?\d+)?)(?![\d.-])\s*"
@@ -120,155 +99,18 @@ def _motion_of_table(
     table: ColumnTable, stated: Stated, path: Path, header: Sequence[str] = ()
 ) -> GroundMotion:
     """The acceleration of a table: its column, unit and step as the file, its header or the options state them."""
-    source, names, facts = str(path), table.names, facts_of(header)
-    is_nameless = names == numbered_names(len(names))
-    times_of = [name for name in names if unit_in_name("time", name) is not None]
-    time = next(iter(times_of), None)
-    first = table.numbers(names[0]) if time is None and len(names) > 1 else None
-    # A column of sample numbers is no time.
-    if first is not None and not (np.diff(first) == 1.0).all():
-        is_pair = is_nameless and len(names) == 2 and stated.dt is None
-        time = names[0] if is_pair or runs_as_time(first) else None
-    free = [name for name in names if name != time and name not in times_of]
-    if stated.column is not None:
-        candidates = [find_column(stated.column, names, source)]
-    else:
-        candidates = [name for name in free if _is_acceleration(name)] or (free if is_nameless else [])
-    name = candidates[0] if len(candidates) == 1 else ""
-    if name and times_of:
-        # T may be a transverse component.
-        times_of = [column for column in times_of if column != name] or times_of
-        time = _time_for(name, times_of, table, stated.dt, source)
-    if name and name == time:
-        raise SettingError(
-            f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
-        )
-    _refuse_other_quantities(table, [name] if name else [] if candidates else free, source)
-    likely = name or next(iter(free), "")
-    column_unit = _stem_and_unit(likely)[1] or table.units.get(likely, "")
-    symbol = column_unit or facts.unit
-    unit, dt = stated.unit or symbol, stated.dt or facts.dt
-    if not name or unit is None or (time is None and dt is None):
-        number = 1 + names.index(free[0]) if free else 1
-        _ask(source, "" if name else _listed(names), number, unit is None, time is None and dt is None)
-    factor = factor_to_si(unit, "acceleration", context=f"{source}: `unit`")
-    if symbol is not None and factor != factor_of(symbol, "acceleration"):
-        where = f"column '{name}'" if column_unit else "the header"
-        raise SettingError(f"{source}: `unit` is '{stated.unit}' where {where} states {symbol}; leave it out")
-    if stated.dt is not None and facts.dt is not None and not np.isclose(stated.dt, facts.dt, rtol=1e-3):
-        raise SettingError(
-            f"{source}: `dt` is {stated.dt:g} s where the header states {facts.dt:g} s; leave it out"
-        )
-    columns = table.read([name] if time is None else [time, name])
-    if time is not None:
-        times = seconds_of(table, time, source)
-    elif dt is not None and SMALLEST <= dt < np.inf:
-        times = dt * np.arange(columns[name].size, dtype=np.float64)
-    else:
-        raise SettingError(f"{source}: `dt` is {dt} s; give a positive step")
-    step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
-    if time is not None and stated.dt is not None and abs(step / stated.dt - 1.0) > _STEPS_DIFFER:
-        raise SettingError(
-            f"{source}: column '{time}' holds the times, with a step of {step:.6g} s where `dt` is {stated.dt:g} s; "
-            "leave out `dt`, or correct the one that is wrong"
-        )
-    if time is not None and facts.dt is not None and abs(step / facts.dt - 1.0) > _STEPS_DIFFER:
-        raise RecordError(
-            f"{source}: the header states a step of {facts.dt:.6g} s, and column '{time}' has {step:.6g} s; correct "
-            "the one that is wrong"
-        )
-    motion = motion_of_columns(
-        times,
-        factor * columns[name],
-        name=path.stem,
-        source=path.name if stated.column is None else f"'{name}' of {path.name}",
-        where=lambda row: f"{path}: {table.locate(row)}",
-    )
-    is_road = _ACCELERATION_OF_ROAD.match(name) is not None
-    return replace(motion, is_road=is_road, dt=motion.dt if time is not None or dt is None else dt)
-
-
-def _refuse_other_quantities(table: ColumnTable, names: Sequence[str], source: str) -> None:
-    """Refuse a table whose column is a displacement or a force, and point to what takes a road or forces."""
-    for name in names:
-        unit = words_and_unit(name)[1] or table.units.get(name, "")
-        if factor_of(unit, "displacement") is not None:
-            raise RecordError(
-                f"{source}: column '{name}' is a displacement [{unit}], and a ground motion is an acceleration; give "
-                f'heights of a road as road = "{Path(source).name}" in [[motion]], or to mr.motions.read_road, and '
-                "of an earthquake the acceleration"
-            )
-        # N may be the north.
-        if unit.upper() != "N" and factor_of(unit, "force") is not None:
-            raise RecordError(
-                f"{source}: column '{name}' is a force [{unit}], and a ground motion is an acceleration; give forces "
-                f'on floors as force = "{Path(source).name}" in [[motion]]'
-            )
-
-
-def _time_for(
-    name: str, times_of: Sequence[str], table: ColumnTable, dt: float | None, source: str
-) -> str | None:
-    """The column of the times of a column among those that look like time: as long, and with a step that is stated."""
-    if isinstance(table, VectorTable):
-        size = table.vectors[name].size
-        times_of = [time for time in times_of if table.vectors[time].size == size]
-    if len(times_of) > 1 and dt is None:
-        raise RecordError(
-            f"{source}: columns '{times_of[0]}' and '{times_of[1]}' both look like time; give the step as `dt`, or "
-            "rename one"
-        )
-    if dt is not None and len(times_of) > 1:
-        steps = {time: float(np.diff(seconds_of(table, time, source)).mean()) for time in times_of}
-        return min(steps, key=lambda time: abs(steps[time] - dt))
-    return next(iter(times_of), None)
-
-
-def seconds_of(table: ColumnTable, time: str, source: str) -> Floats:
-    """Times of a column [s]; one without a unit is in seconds."""
-    unit = unit_in_name("time", time) or table.units.get(time, "")
-    unit = "s" if unit.casefold() in _SECONDS else unit
-    return factor_to_si(unit, "time", context=f"{source}: column '{time}'") * table.read([time])[time]
-
-
-def _listed(names: Sequence[str]) -> str:
-    numbered = names == numbered_names(len(names))
-    columns = [name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1)]
-    return list_names(columns, _MOST_LISTED)
-
-
-def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
-    """Refuse a table with all open questions at once: which column, which unit, which step."""
-    asked = {
-        f"which column is the acceleration ({columns})": f'column="{number}"' if columns else "",
-        f"the unit of the acceleration (one of {', '.join(FACTORS['acceleration'])})": 'unit="g"'
-        if unit
-        else "",
-        "the step, for no column is time": "dt=0.01" if step else "",
-    }
-    typed = {words: option for words, option in asked.items() if option}
-    error = UnitError if unit and len(typed) == 1 else RecordError
-    raise error(
-        f"{source}: the file does not state {' and '.join(typed)}; give it as here: {', '.join(typed.values())}"
-    )
-
-
-def runs_as_time(column: Floats) -> bool:
-    """Whether a column increases, and nine in ten of its steps are equal but for rounding."""
-    steps = np.diff(column)
-    if steps.size < 2 or not (steps > 0.0).all():
-        return False
-    return (
-        bool(np.mean(np.abs(steps / np.median(steps) - 1.0) <= 0.1) >= 0.9)
-        or rounded_grid(column) is not None
-    )
+    series = series_of(table, ACCELERATION, stated, source=str(path), facts=facts_of(header))
+    (name,) = series.names
+    source = path.name if stated.column is None else f"'{name}' of {path.name}"
+    motion = motion_of_series(series, name=path.stem, source=source)
+    return replace(motion, is_road=_ACCELERATION_OF_ROAD.match(name) is not None)
 
 
 def _is_known(name: str) -> bool:
     return (
         unit_in_name("time", name) is not None
-        or _is_acceleration(name)
-        or _stem_and_unit(name)[1] is not None
+        or ACCELERATION.is_called(name)
+        or ACCELERATION.unit_in(name) != ""
     )
 
 
@@ -304,7 +146,7 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
     )
     if not names and (width == 1 or (stated.column is None and (width != 2 or stated.dt is not None))):
         column = table.numbers(table.names[0]) if width > 1 else None
-        if column is None or not runs_as_time(column):
+        if column is None or not grid(column).runs:
             if stated.column is not None:
                 raise SettingError(f"{lines.path}: has one column and takes no `column`; leave it out")
             return _motion_of_table(
@@ -395,11 +237,11 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
         if 2 in matrix.shape and matrix.size >= 6
     }
     if column is None:
-        pairs = {name: pair for name, pair in pairs.items() if runs_as_time(pair[0])}
+        pairs = {name: pair for name, pair in pairs.items() if grid(pair[0]).runs}
         vectors = (
             name for name, of in variables.items() if not isinstance(of, str) and 2 < of.size == max(of.shape)
         )
-        candidates = [*pairs, *(name for name in vectors if _is_acceleration(name.rpartition(".")[2]))]
+        candidates = [*pairs, *(name for name in vectors if ACCELERATION.is_called(name.rpartition(".")[2]))]
         if len(candidates) > 1:
             listed = list_names([f"'{name}'" for name in candidates], _MOST_LISTED)
             raise RecordError(

@@ -7,7 +7,7 @@ its second derivative is linear between samples, as a ground acceleration is.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal, get_args
 from warnings import warn
@@ -17,14 +17,12 @@ import numpy as np
 from mrwork.base.arguments import Positive, Samples, Seed, checked
 from mrwork.base.hints import InUnit, Says, Within
 from mrwork.base.remark import warnings_of
-from mrwork.base.summary import list_names
-from mrwork.base.units import factor_of, factor_to_si
-from mrwork.base.values import Floats
-from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
+from mrwork.errors import MrworkWarning, RecordError, SettingError
+from mrwork.files.grid import grid
 from mrwork.files.layout import numbered_names
-from mrwork.files.named_columns import ColumnTable, find_column, unit_in_name, words_and_unit
+from mrwork.files.named_columns import ColumnTable, words_and_unit
 from mrwork.files.open_table import open_table
-from mrwork.files.rounded_times import regular_steps, rounded_grid
+from mrwork.files.roles import TIME, Role, Series, Stated, series_of
 from mrwork.motions.ground_motion import GroundMotion, check_samples
 
 Speed = Annotated[float, Within(above=0.0), InUnit("m/s")]
@@ -39,6 +37,23 @@ _DISTANCES: Final = frozenset({
 _HEIGHTS: Final = frozenset({
     "height", "elevation", "profile", "road", "z", "h", "u", "q", "displacement", "level", "höhe", "altura", "hauteur",
 })  # fmt: skip
+
+
+def _is_called(words: frozenset[str]) -> Callable[[str], bool]:
+    return lambda name: words_and_unit(name)[0].strip(" _-").casefold() in words
+
+
+DISTANCE: Final = Role(
+    noun="distance", quantity="displacement", is_called=_is_called(_DISTANCES), example="m"
+)
+HEIGHT: Final = Role(
+    noun="height",
+    quantity="displacement",
+    is_called=_is_called(_HEIGHTS),
+    example="mm",
+    elsewhere={"acceleration": "a road is its heights; give it as file"},
+    any_name=True,
+)
 # Spline through fewer samples has no end condition.
 _FEWEST: Final = 4
 # Of the classes: the density of class A at the reference frequency [m3], and the band [cycles/m].
@@ -201,141 +216,62 @@ def road_of_file(
 ) -> GroundMotion:
     """The road of a file, without a word on its `remarks`."""
     table = open_table(path, lambda _: True)
-    height = _height_column(table, column, str(path))
-    along = _column_along(table, height, speed, dt, str(path))
-    factor = _factor_of_heights(table, height, unit, str(path))
-    heights = factor * _finite(table, height, "height", path)
-    if along is not None:
-        # Overflowing steps are refused as uneven.
-        with np.errstate(over="ignore", invalid="ignore"):
-            spacing = _spacing(_finite(table, along, "time or distance", path), table, path)
-        dt = _factor_along(table, along) * spacing
-    elif dt is None:
-        raise SettingError(
-            f"{path}: there is no column of distances or times beside '{height}'; give the time between two heights as "
-            "`dt`"
-        )
-    at = "" if speed is None else f", {speed:g} m/s"
-    source = f"'{height}' of {path.name}{at}"
-    return road_motion(heights, dt / (speed or 1.0), name=path.stem, source=source)
-
-
-def _is_time(name: str) -> bool:
-    return unit_in_name("time", name) is not None
-
-
-def _is_distance(name: str) -> bool:
-    words, unit = words_and_unit(name)
-    return words.strip(" _-").casefold() in _DISTANCES and factor_of(unit or "m", "displacement") is not None
-
-
-def _height_column(table: ColumnTable, column: str | None, source: str) -> str:
-    names = table.names
-    if column is not None:
-        return find_column(column, names, source)
-    if names == numbered_names(len(names)):
-        candidates: Sequence[str] = names[-1:] if len(names) <= 2 else names
-    else:
-        free = [name for name in names if not _is_time(name) and not _is_distance(name)]
-        called = [
-            name for name in free or names if words_and_unit(name)[0].strip(" _-").casefold() in _HEIGHTS
-        ]
-        candidates = called if len(called) == 1 else free
-    if len(candidates) == 1:
-        return candidates[0]
-    listed = list_names([f"{number} '{name}'" for number, name in enumerate(names, start=1)], 12)
-    raise RecordError(
-        f"{source}: the file does not state which column is the height of the road ({listed}); give it as here: "
-        f'column="{len(names)}"'
+    _refuse_axis(table, column, speed, str(path))
+    series = series_of(
+        table,
+        HEIGHT,
+        Stated(unit=unit, dt=dt, column=column),
+        source=str(path),
+        axis=TIME if speed is None else DISTANCE,
+        choose=lambda names: _heights_among(names, table),
     )
+    at = "" if speed is None else f", {speed:g} m/s"
+    source = f"'{series.names[0]}' of {path.name}{at}"
+    step = _spacing(series) if series.along is not None else series.dt
+    assert step is not None
+    return road_motion(series.samples[0], step / (speed or 1.0), name=path.stem, source=source)
 
 
-def _column_along(
-    table: ColumnTable, height: str, speed: float | None, dt: float | None, source: str
-) -> str | None:
-    """The column of distances where there is a speed, else that of times; `None` where `dt` takes its place."""
-    others = [name for name in table.names if name != height]
-    times, distances = [*filter(_is_time, others)], [*filter(_is_distance, others)]
-    if table.names == numbered_names(len(table.names)) and others:
-        if speed is None:
-            raise RecordError(
-                f"{source}: the file does not state whether column {others[0]} holds distances or times; give the "
-                'speed, as speed = "72 km/h", for distances, or write names above, as time_s, height_mm'
-            )
-        times, distances = [], others
-    if speed is not None and distances:
-        along: str | None = distances[0]
-    elif speed is not None:
-        what = f"column '{times[0]}' holds times" if times else "there is no column of distances"
-        cure = (
-            "name that column as distance_m" if others else "leave it out, and give `dt` between two heights"
+def _refuse_axis(table: ColumnTable, column: str | None, speed: float | None, source: str) -> None:
+    """Refuse a speed over times, and distances without a speed."""
+    others = [name for name in table.names if name != column]
+    times, distances = ([name for name in others if axis.is_called(name)] for axis in (TIME, DISTANCE))
+    is_nameless = table.names == numbered_names(len(table.names))
+    if speed is None and is_nameless and len(others) > 1:
+        raise RecordError(
+            f"{source}: the file does not state whether column {others[0]} holds distances or times; give the "
+            'speed, as speed = "72 km/h", for distances, or write names above, as time_s, height_mm'
         )
-        cure = "leave it out" if times else cure
-        raise SettingError(f"{source}: {what}, and `speed` is for heights over distances; {cure}")
-    elif times:
-        along = times[0]
-    elif distances:
+    if speed is None and distances and not times:
         raise SettingError(
             f"{source}: column '{distances[0]}' holds distances, over which the vehicle has a speed; give it, as "
             'speed = "72 km/h"'
         )
-    else:
-        along = None
-    if along is not None and dt is not None:
-        raise SettingError(f"{source}: column '{along}' says where the heights are; leave out `dt`")
-    return along
-
-
-def _factor_along(table: ColumnTable, along: str) -> float:
-    if _is_time(along):
-        unit = unit_in_name("time", along) or table.units.get(along, "") or "s"
-        return factor_to_si(unit, "time", context=f"column '{along}'")
-    unit = words_and_unit(along)[1] or table.units.get(along, "") or "m"
-    return factor_to_si(unit, "displacement", context=f"column '{along}'")
-
-
-def _factor_of_heights(table: ColumnTable, height: str, unit: str | None, source: str) -> float:
-    own = words_and_unit(height)[1] or table.units.get(height, "")
-    if own and factor_of(own, "acceleration") is not None:
-        raise SettingError(
-            f"{source}: column '{height}' is an acceleration [{own}], and a road is its heights; give it as file"
+    if speed is not None and not distances and (not is_nameless or len(table.names) == 1):
+        what, cure = (
+            "there is no column of distances",
+            "name it distance_m, or leave `speed` out and give `dt`",
         )
-    stated = factor_of(own, "displacement")
-    if unit is None and stated is None:
-        raise UnitError(
-            f'{source}: the file does not state the unit of its heights; give it as here: unit="mm"'
-        )
-    if unit is None:
-        return stated or 1.0
-    factor = factor_to_si(unit, "displacement", context=f"{source}: `unit`")
-    if stated is not None and factor != stated:
-        raise SettingError(f"{source}: `unit` is '{unit}' where column '{height}' states {own}; leave it out")
-    return factor
+        if times:
+            what, cure = f"column '{times[0]}' holds times", "leave it out"
+        raise SettingError(f"{source}: {what}, and `speed` is for heights over distances; {cure}")
 
 
-def _finite(table: ColumnTable, name: str, what: str, path: Path) -> Floats:
-    values = table.read([name])[name]
-    wrong = np.flatnonzero(~np.isfinite(values))
-    if wrong.size:
-        where = f"{path}: {table.locate(int(wrong[0]))}"
-        raise RecordError(f"{where}: the {what} is no finite number; correct the value or delete the row")
-    return values
+def _heights_among(names: Sequence[str], table: ColumnTable) -> Sequence[str]:
+    """The candidates: of two columns without names the last, and none that holds times or distances."""
+    if table.names == numbered_names(len(table.names)):
+        return names[-1:] if len(table.names) <= 2 else names
+    return [name for name in names if not (TIME.is_called(name) or DISTANCE.is_called(name))] or names
 
 
-def _spacing(along: Floats, table: ColumnTable, path: Path) -> float:
-    """Spacing of distances or times, which increase in equal steps but for jitter and rounding."""
-    wrong = np.flatnonzero(np.diff(along) <= 0.0)
-    if wrong.size or along.size < _FEWEST:
-        row = int(wrong[0]) + 1 if wrong.size else 0
-        came = f"from {along[row - 1]:g} to {along[row]:g}" if row else f"over {along.size} rows"
+def _spacing(series: Series) -> float:
+    """Spacing of distances or times, which are in equal steps but for jitter and rounding."""
+    assert series.along is not None
+    along = grid(series.along)
+    if along.uniform is None:
+        row = int(np.flatnonzero(~along.regular)[0])
         raise RecordError(
-            f"{path}: {table.locate(row)}: the heights go {came}; give {_FEWEST} rows or more in rising order"
+            f"{series.where(row + 1)}: a step of {along.steps[row]:.4g} where others are {along.median:.4g}; give "
+            "heights at equal steps"
         )
-    steps, median, regular = regular_steps(along)
-    if not regular.all() and rounded_grid(along) is None:
-        row = int(np.flatnonzero(~regular)[0]) + 1
-        raise RecordError(
-            f"{path}: {table.locate(row)}: a step of {steps[row - 1]:.4g} where others are {median:.4g}; give heights "
-            "at equal steps"
-        )
-    return float(along[-1] - along[0]) / steps.size
+    return along.step

@@ -179,12 +179,20 @@ def en_1998_spectrum(
     )
 
 
+# ASCE/SEI 7-16, Tables 11.6-1 and 11.6-2: below S_DS = 0.167 g and S_D1 = 0.067 g no seismic analysis is asked for.
+# Codes give g, and a number of g that is taken for one of m/s2 lies there.
+_LEAST_S_DS, _LEAST_S_D1 = 1.6, 0.65
+
+
 @checked
 def asce_7_spectrum(
     s_ds: Annotated[
-        Positive, Says("design acceleration at short periods of ASCE 7", unit="m/s2", usual=(0.6, 40.0))
+        Positive,
+        Says("design acceleration at short periods of ASCE 7", unit="m/s2", usual=(_LEAST_S_DS, 40.0)),
     ],
-    s_d1: Annotated[Positive, Says("design acceleration at 1 s of ASCE 7", unit="m/s2")],
+    s_d1: Annotated[
+        Positive, Says("design acceleration at 1 s of ASCE 7", unit="m/s2", usual=(_LEAST_S_D1, 25.0))
+    ],
     *,
     t_l: Annotated[Positive, Says("long-period transition period of ASCE 7", unit="s")],
 ) -> TargetSpectrum:
@@ -221,7 +229,9 @@ def table_spectrum(
         ArrayLike, Within(least=0.0), Says("increasing periods of a table, shape (n,)", unit="s")
     ],
     accelerations: Annotated[
-        ArrayLike, Within(above=0.0), Says("pseudo-accelerations of a table, shape (n,)", unit="m/s2")
+        ArrayLike,
+        Within(above=0.0),
+        Says("pseudo-accelerations of a table, shape (n,)", unit="m/s2", usual=(_LEAST_S_DS, 80.0)),
     ],
     *,
     name: Annotated[str, Says("name of a table in tables and figures")] = "target",

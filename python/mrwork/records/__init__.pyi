@@ -1,9 +1,9 @@
 from .damper_test import DamperTest as DamperTest
 from .damper_test import OperatingRange as OperatingRange
 from .damper_test import Outside as Outside
+from .guesses import guess_tests as guess_tests
 from .likeness import Likeness as Likeness
 from .observation import Observation as Observation
-from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
 from .repairs import observed as observed

@@ -81,10 +81,18 @@ def samples_per_cycle(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark
         yield _FEW_SAMPLES.remark(measured=per_cycle, frequency=motion.frequency, least=least, rate=rate)
 
 
+# A motion at constant speed has gone half of the excursion by then, noise of a tenth of it spans less.
+_STILL_SHARE: Final = 0.4
+
+
 def samples_at_rest(displacement: Floats) -> int:
-    """Number of samples until 1 % of the stroke; a harmonic motion from its peak takes 0.03 periods."""
-    left = np.abs(displacement - np.median(displacement[:3])) > _REST_EXCURSION * np.ptp(displacement)
-    return int(np.argmax(left))
+    """Number of samples until 1 % of the stroke; a harmonic motion from its peak takes 0.03 periods.
+
+    None of a motion that grows slowly: at rest the first half spans far less than what ends it.
+    """
+    excursion = _REST_EXCURSION * float(np.ptp(displacement))
+    rest = int(np.argmax(np.abs(displacement - np.median(displacement[:3])) > excursion))
+    return rest if rest < 2 or np.ptp(displacement[: rest // 2]) < _STILL_SHARE * excursion else 0
 
 
 _REST: Final = RemarkKind(

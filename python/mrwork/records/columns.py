@@ -19,12 +19,14 @@ from mrwork.base.units import (
     factor_to_si,
     quantity_of,
 )
+from mrwork.base.values import Floats
 from mrwork.dampers.command import LARGEST_COMMAND, Command
 from mrwork.errors import MrworkError, RecordError, Restorable, SettingError, UnitError
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import (
     NO_COLUMN,
     QUANTITIES,
+    TEST_ROLES,
     ColumnTable,
     Missing,
     ReadColumn,
@@ -33,23 +35,20 @@ from mrwork.files.named_columns import (
     find_column,
     is_plain,
     is_second_choice,
+    may_be_a_command,
     scalar_unit_in_name,
     suggested_options,
     unit_in_name,
     words_and_unit,
 )
 
-REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
+REQUIRED: Final = tuple(quantity for quantity, role in TEST_ROLES.items() if role.is_required)
 MARKERS: Final = "markers"
 """Key of a mapping of columns for lines among the rows that are none, which `SKIP` leaves out."""
 SKIP: Final = "skip"
 LEFT_OUT: Final = "none"
 """Entry of a mapping of columns, by quantity or heading, for what is not read."""
 
-_EXAMPLE: Final[Mapping[TestQuantity, str]] = {
-    "time": "t_s", "displacement": "displacement_mm", "velocity": "velocity_mps", "force": "force_N",
-    "current": "current_A", "voltage": "voltage_V",
-}  # fmt: skip
 COMMAND: Final = "command"
 """Key of a mapping of columns for the command: a column of current or voltage, or a number with its unit."""
 
@@ -58,6 +57,11 @@ COMMANDS: Final[tuple[Literal["current"], Literal["voltage"]]] = ("current", "vo
 _MOST_SHOWN: Final = 20
 # In the names of columns, and in no unit.
 _OF_A_NAME: Final = re.compile(r"[\s()\[\]{}]")
+# What one of the column's numbers stands for, after their own unit: V*200N, counts*0.1N-5N.
+_SCALE: Final = re.compile(
+    r"[^*]*\*(?P<scale>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>[^\W\d][^+*-]*)"
+    r"(?:(?P<offset>[+-](?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<of_offset>[^\W\d][^+*-]*))?"
+)
 _STARTS_AS_NUMBER: Final = re.compile(r"[+-]?[.,]?\d|[+-]?(nan|inf)\b", re.IGNORECASE)
 _NUMBER_AND_UNIT: Final = re.compile(
     r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+|%|deg [CF]|\N{DEGREE SIGN}[CF]?)",
@@ -67,11 +71,16 @@ _NUMBER_AND_UNIT: Final = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnChoice:
-    """Column of a quantity, its unit, and the factor from that to SI."""
+    """Column of a quantity, its unit, with a scale where one is stated, and factor and offset from that to SI."""
 
     column: str
     unit: str
     factor: float
+    offset: float = 0.0
+
+    def in_si(self, numbers: Floats) -> Floats:
+        """Numbers of the column in SI."""
+        return self.factor * numbers + self.offset if self.offset else self.factor * numbers
 
     @property
     def specification(self) -> str:
@@ -311,6 +320,14 @@ class Headings:
             )
         return next((StatedCommand(column=name, unit=unit) for name, unit in read), None)
 
+    def asked_commands(self, used: Collection[str]) -> tuple[str, ...]:
+        """Columns in a unit of commands, among those that are not used."""
+        return tuple(
+            name
+            for name in self.names
+            if name not in used and may_be_a_command(name, self.units.get(name, ""))
+        )
+
     def unclear_commands(self, used: Collection[str]) -> tuple[str, ...]:
         """Columns that may be the command and do not say their unit, among those that are not used."""
         return tuple(
@@ -343,8 +360,9 @@ class Headings:
                 f"{self.source}: column '{name}' does not say its unit; give it, as in "
                 f"{column_option(quantity, name, next(iter(FACTORS[quantity])))}"
             )
-        factor = factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
-        return ColumnChoice(column=name, unit=unit, factor=factor)
+        context = f"column option {quantity}={specification}"
+        factor, offset = _scale_of(unit, quantity, context=context)
+        return ColumnChoice(column=name, unit=unit, factor=factor, offset=offset)
 
     def _recognise(self, quantity: TestQuantity) -> ColumnChoice | None:
         claims = [
@@ -358,12 +376,6 @@ class Headings:
             fitting = [(name, "s") for name in self.free if name in self.stamps]
         if len(fitting) > 1:
             (first, unit), (second, _) = fitting[:2]
-            if first == second:
-                count = self.names.count(first)
-                raise RecordError(
-                    f"{self.source}: {count} columns are called '{first}', which looks like the {quantity}; rename the "
-                    "one to use, so that its name is its own"
-                )
             problem = f"columns '{first}' and '{second}' both look like the {quantity}"
             missing = Missing(quantity=quantity, column=first, unit=unit)
             raise _UnclearError(problem, "say which one to use", missing, RecordError)
@@ -380,8 +392,14 @@ class Headings:
                     continue  # revolutions a minute, or a column of texts
                 lacks = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
                 problem = f"column '{name}' {lacks} ({', '.join(FACTORS[quantity])} are known)"
-                remedy = f"rename it, for example to '{_EXAMPLE[quantity]}', or give the unit"
+                remedy = f"rename it, for example to '{TEST_ROLES[quantity].example}', or give the unit"
                 raise _UnclearError(problem, remedy, Missing(quantity=quantity, column=name), UnitError)
+            if quantity_of(unit) == "voltage":
+                option = column_option(quantity, name, f"{unit}*1{next(iter(FACTORS[quantity]))}")
+                raise UnitError(
+                    f"{self.source}: column '{name}' is in {unit}; give the {quantity} that one {unit} stands for in "
+                    f"place of the 1 in {option}"
+                )
             factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")
         if quantity in REQUIRED:
             raise self._without(quantity)
@@ -389,7 +407,7 @@ class Headings:
 
     def _refusal(self, unclear: Sequence[_UnclearError]) -> MrworkError:
         """The first problem, with the options that solve all of them."""
-        free = [name for name in self.free if self.names.count(name) == 1]
+        free = self.free
         units = {name: self.units.get(name, "") or words_and_unit(name)[1] for name in free}
         options = suggested_options([error.missing for error in unclear], free, units, self.read)
         first = unclear[0]
@@ -417,7 +435,7 @@ class Headings:
         else:
             shown = list_names([f"'{name}'" for name in self.names], _MOST_SHOWN)
             problem = f"no column for the {quantity} among {shown}"
-            remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
+            remedy = f"rename one, for example to '{TEST_ROLES[quantity].example}', or say which it is"
         return _UnclearError(problem, remedy, Missing(quantity=quantity), RecordError)
 
     @property
@@ -452,22 +470,42 @@ def _quantity(name: str) -> TestQuantity:
 def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str]:
     """Column and unit of ``"COLUMN:UNIT"``; the unit is empty where the file has to tell it."""
     column, colon, unit = (part.strip() for part in specification.rpartition(":"))
+    if colon and "*" in unit:
+        unit = "".join(unit.split())
     if colon and _OF_A_NAME.search(unit):
         # A colon within a heading: Position(Linear:Digital Position) (mm).
         column, colon, unit = specification.strip(), "", ""
     if not colon:
         column, unit = specification.strip(), ""
     if not column or (colon and not unit):
+        name = TEST_ROLES[quantity].example.partition("_")[0]
         raise SettingError(
-            f"column for the {quantity} is '{specification}'; expected COLUMN:UNIT, "
-            f"such as {_EXAMPLE[quantity].partition('_')[0]}:{next(iter(FACTORS[quantity]))}, or COLUMN where the file "
-            "tells the unit"
+            f"column for the {quantity} is '{specification}'; expected COLUMN:UNIT, such as "
+            f"{name}:{next(iter(FACTORS[quantity]))}, or COLUMN where the file tells the unit"
         )
     if unit:
-        factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
+        _scale_of(unit, quantity, context=f"column option {quantity}={specification}")
     return column, unit
 
 
-def tells_a_test(table: ColumnTable) -> bool:
-    """Whether the headings of a table tell time, displacement and force."""
-    return Headings.of(table).guess()[0].keys() >= {*REQUIRED}
+def _scale_of(unit: str, quantity: TestQuantity, *, context: str) -> tuple[float, float]:
+    """Factor and offset to SI of a unit, or of a scale, as ``V*200N`` or ``counts*0.1N-5N``."""
+    if "*" not in unit:
+        return factor_to_si(unit, quantity, context=context), 0.0
+    scale = _SCALE.fullmatch(unit)
+    if scale is None:
+        si = next(iter(FACTORS[quantity]))
+        raise SettingError(
+            f"{context}: '{unit.partition('*')[2]}' is no scale; give the {quantity} that one of the column's numbers "
+            f"stands for, with its unit, and an offset where there is one, as in V*200{si} or counts*0.5{si}-20{si}"
+        )
+    factor = float(scale["scale"]) * factor_to_si(scale["unit"], quantity, context=context)
+    if not scale["offset"]:
+        return factor, 0.0
+    return factor, float(scale["offset"]) * factor_to_si(scale["of_offset"], quantity, context=context)
+
+
+def tells_a_test(table: ColumnTable, names: Sequence[str] = ()) -> bool:
+    """Whether the headings of a table, or some of them, tell time, displacement and force."""
+    headings = Headings.of(table)
+    return replace(headings, names=names or headings.names).guess()[0].keys() >= {*REQUIRED}

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
+from mrwork.base.summary import list_names
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import (
@@ -22,7 +23,7 @@ from mrwork.dampers.command import (
     variation_in_words,
 )
 from mrwork.errors import RecordError
-from mrwork.files.named_columns import column_option
+from mrwork.files.named_columns import ColumnTable, column_option, words_and_unit
 from mrwork.records.damper_test import DamperTest, fields_of_commands
 from mrwork.records.motion import SmoothMotion
 
@@ -122,6 +123,24 @@ _UNCLEAR: Final = RemarkKind(
 _NOT_OF_NAME: Final = RemarkKind(
     "name_not_used", "the command is {recorded}; the {named} of the file name are not used", verbs=OF_FILES
 )
+
+
+_ASKED: Final = RemarkKind(
+    "command_asked",
+    "column{s} {0} may be the command of the damper, and no other column is; the test is read without one",
+    "say so, as in {option}, or --column command=none",
+    verbs=OF_FILES,
+)
+
+
+def command_question(names: Sequence[str], table: ColumnTable) -> tuple[Remark, ...]:
+    """A question about columns in a unit of commands, of a test without a command; nothing without such columns."""
+    if not names:
+        return ()
+    unit = words_and_unit(names[0])[1] or table.units.get(names[0], "")
+    quoted = list_names([f"'{name}'" for name in names])
+    option, plural = column_option("command", names[0], unit), "s" if len(names) > 1 else ""
+    return (_ASKED.remark(quoted, s=plural, option=option),)
 
 
 def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[str] = ()) -> DamperTest:

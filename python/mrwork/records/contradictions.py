@@ -12,12 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.base.remark import Measured, Remark, RemarkKind
+from mrwork.base.remark import OF_FILES, Measured, Remark, RemarkKind
 from mrwork.base.units import FACTORS
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
-from mrwork.records.checks import held_samples
+from mrwork.files.grid import last_digit
+from mrwork.records.checks import half_range, held_samples
 from mrwork.records.damper_test import DamperTest, VelocitySource
 from mrwork.records.motion import Differentiator, SmoothMotion, fit_residual, regular_cycles, robust_deviation
 
@@ -542,3 +543,30 @@ def _compare_velocities(
         # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
         expected=min(float(noise**2), _NOISE_SHARE**2 * power),
     )
+
+
+_CENTRED: Final = RemarkKind(
+    "force_centred",
+    "the force was centred: its mean is zero to rounding, and the cycles are not whole, so that it has an offset of "
+    "{value:+.3g} N, {share:.2g} % of its half range",
+    "take it off by --repair offset, or give the force as it was measured",
+    verbs=OF_FILES,
+    cured_by="offset",
+)
+# Means of rounded numbers are zero within so many standard errors of rounding; offsets below this share of the half
+# range are those of a few noisy cycles.
+_ZERO, _NO_OFFSET = 4.0, 0.01
+
+
+def centred_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
+    """Warn of a force whose mean over cycles that are not whole was subtracted, as its mean of zero shows."""
+    force, cycles = test.force, regular_cycles(motion.displacement)
+    if not cycles:
+        return
+    offset = float(force[cycles[0].start : cycles[-1].stop].mean())
+    largest, half = float(np.abs(force).max()), half_range(force)
+    of_rounding = float(np.median(last_digit(force))) / np.sqrt(12.0 * force.size)
+    # Rounding of sums of doubles.
+    zero = _ZERO * max(of_rounding, np.finfo(np.float64).eps * np.sqrt(force.size) * largest)
+    if abs(float(force.mean())) <= zero and abs(offset) > _NO_OFFSET * half:
+        yield _CENTRED.remark(measured=Measured(offset, "N"), share=100.0 * abs(offset) / half)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from operator import attrgetter
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -393,6 +393,8 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
 
 # Share of the cycles above, and below, the range of frequencies.
 _RARE = 0.1
+# A cycle with a longer span that is not compared, in cycles, has a gap, after which half a stroke is not compared.
+_BRIDGED = 0.25
 
 
 def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | None = None) -> OperatingRange:
@@ -432,9 +434,15 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
 
 
 def _frequencies(test: DamperTest) -> tuple[float, float] | None:
-    """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a half cycle."""
+    """Frequencies of cycles without a gap [Hz], but of the slowest and fastest tenth; `None` without a half cycle."""
     upward = crossing_instants(test.displacement)
     seconds = test.dt * np.diff(upward)
+    bridged = np.array([
+        any(min(last, end) - max(first, begin) > _BRIDGED * (end - begin) for first, last in test.uncompared)
+        for begin, end in pairwise(upward)
+    ])  # fmt: skip
+    if bridged.any() and not bridged.all():
+        seconds = seconds[~bridged]
     if not seconds.size:
         # About the mean of so short a record, halves are of unequal lengths.
         halves = np.diff(np.sort(np.append(upward, crossing_instants(-test.displacement))))

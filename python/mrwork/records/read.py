@@ -1,15 +1,11 @@
-"""Checked damper tests, built from channels in SI or read from files.
-
-`guess_tests` makes the first version of a table of tests from headers, rows of units and names of files, with what is
-in doubt.
-"""
+"""Checked damper tests, built from channels in SI or read from files."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -23,32 +19,29 @@ from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
-from mrwork.dampers.command import Command, quantity_of_command
+from mrwork.dampers.command import Command, quantity_of_command, runs_of
 from mrwork.errors import MrworkError, RecordError, SettingError
-from mrwork.files.named_columns import ColumnTable, TestQuantity
-from mrwork.files.open_table import open_table
+from mrwork.files.named_columns import ColumnTable
+from mrwork.files.open_table import open_table, split_part
 from mrwork.records import checks
 from mrwork.records.columns import (
     COMMAND,
-    COMMANDS,
     MARKERS,
-    REQUIRED,
     SKIP,
-    ColumnChoice,
     Headings,
-    StatedCommand,
     check_specification,
     stated_step,
     tells_a_test,
 )
 from mrwork.records.command import (
-    DISAGREES,
     command_of,
+    command_question,
     motion_matches_name,
     nominal_from_name,
     with_nominal_command,
 )
 from mrwork.records.contradictions import (
+    centred_remark,
     drift_of_displacement_remark,
     jump_remark,
     late_by_making,
@@ -60,21 +53,22 @@ from mrwork.records.corners import Corners
 from mrwork.records.cycles import delay_remark, drift_remark, mass_remark
 from mrwork.records.damper_test import DamperTest, VelocitySource, fields_of_commands
 from mrwork.records.motion import SmoothMotion, smooth_motion
+from mrwork.records.parts import count_parts, side_of, span_of
 from mrwork.records.pulses import pulses_remark
 from mrwork.records.rig_table import (
     EVERY_USE,
-    UNKNOWN,
     EveryUse,
-    ListedTest,
     Use,
     files_not_read,
     listed_tests,
 )
 from mrwork.records.window import (
+    FEWEST_SAMPLES,
     Signals,
     complete_rows,
     settling_samples,
     spans_with,
+    straight_strokes,
     uncompared_spans,
     uniform_step,
     without_spikes,
@@ -85,10 +79,16 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Remark]], 
     motion_matches_name, checks.smoothing_remark, delay_remark, mass_remark, checks.breakaway_remark,
     checks.stroke_remark, checks.force_remark, checks.pace_remark, checks.command_remark,
     checks.resolution_remarks, checks.stuck_force, still_remarks, jump_remark, drift_of_displacement_remark,
-    repeated_part, drift_remark, pulses_remark,
+    repeated_part, drift_remark, pulses_remark, centred_remark,
 )  # fmt: skip
 _DERIVED: Final = RemarkKind(
     "velocity_derived", "no velocity given; derived from the displacement by {by}", verbs=ONCE
+)
+_STRAIGHT_STROKES: Final = RemarkKind(
+    "strokes_straight",
+    "no velocity given; strokes of few samples at constant speed, so that the motion is straight between samples, and "
+    "the force is compared at these",
+    verbs=ONCE,
 )
 
 
@@ -184,14 +184,18 @@ def test_from_arrays(
     checks.check_varies(complete.force, "force", "N", source=source)
     checks.check_order(complete.displacement, complete.force, source=source)
     signals = uniform_step(without_spikes(complete, remarks), remarks, source=source)
+    strokes = straight_strokes(signals)
+    signals = strokes or signals
     displaced, dt = signals.displacement, signals.dt
     motion = smooth_motion(displaced, dt)
     corners = Corners.of(displaced, signals.force, motion)
     uncompared = uncompared_spans(signals, motion.velocity)
-    moving = motion.velocity
+    moving = _between_gaps(motion.velocity, signals)
     velocity_source: VelocitySource = "derived"
     about_velocity: tuple[Remark, ...] = (_DERIVED.remark(by=motion.differentiator.in_words),)
-    if signals.velocity is not None and complete.velocity is not None:
+    if strokes is not None and strokes.velocity is not None:
+        moving, about_velocity = strokes.velocity, (_STRAIGHT_STROKES.remark(),)
+    elif signals.velocity is not None and complete.velocity is not None:
         late = late_by_making(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
             signals.velocity,
@@ -204,7 +208,7 @@ def test_from_arrays(
     left_out = checks.clipped_samples(signals.force)
     if velocity_source == "measured":
         corners = corners.leaping(moving)
-    if velocity_source == "derived" or not keep_velocity:
+    if strokes is None and (velocity_source == "derived" or not keep_velocity):
         moving = corners.velocity(moving, displaced, dt, velocity_source)
         remarks += corners.remarks(signals.time, velocity_source)
         left_out |= corners.about
@@ -235,6 +239,17 @@ def test_from_arrays(
     )
     test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
     return replace(test, remarks=(*remarks, *examine(test, motion)))
+
+
+def _between_gaps(velocity: Floats, signals: Signals) -> Floats:
+    """The velocity of a motion with gaps: a gap ends what is differentiated."""
+    if not signals.missing.any():
+        return velocity
+    velocity = velocity.copy()
+    for first, last in runs_of(~signals.missing):
+        if last - first >= FEWEST_SAMPLES:
+            velocity[first:last] = smooth_motion(signals.displacement[first:last], signals.dt).velocity
+    return velocity
 
 
 def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Remark, ...]:
@@ -319,14 +334,15 @@ def read_damper_test(
     Parameters
     ----------
     path
-        The file.
+        The file; ``sweeps.csv#2`` is its second sweep or burst, or the second of several tests side by side.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to its column:
         ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file states the unit; a unit at the end of the name may be omitted.
         ``command`` is a column of current or voltage, or a number with its unit, as ``"0.5 A"``, which goes before the
         columns of the file; ``time`` may likewise be a step or a sampling rate, as ``"200 Hz"``. A column may be given
-        by its number from 1. ``"none"`` leaves out a quantity, or the column with that heading; ``markers`` is
-        ``"skip"`` where lines among the rows mark events.
+        by its number from 1, and in volts or counts by what one of them stands for, with an offset, as
+        ``"Load (V):V*200N"`` or ``"Ch 3:counts*0.5N-20N"``. ``"none"`` leaves out a quantity, or the column with that
+        heading; ``markers`` is ``"skip"`` where lines among the rows mark events.
     keep_velocity
         As for `test_from_arrays`.
     start, end
@@ -353,14 +369,15 @@ def read_damper_test(
     >>> test.current, test.frequency  # doctest: +SKIP
     (0.5, 1.0)
     """
-    file = Path(path)
-    source = str(file)
+    name, number = split_part(path)
+    file, source = Path(name), name
     specs = dict(columns or {})
     table = open_table(file, tells_a_test)
     if MARKERS in specs:
         check_specification(MARKERS, specs.pop(MARKERS))
         table, _ = table.without_markers()
-    step, headings = stated_step(specs.get("time", "")), Headings.of(table, source)
+    step = stated_step(specs.get("time", ""))
+    headings, is_side = side_of(table, Headings.of(table, source), number)
     are_assigned = False
     try:
         chosen, scalar = headings.assign(specs)
@@ -368,22 +385,29 @@ def read_damper_test(
         of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
         numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     except MrworkError as error:
+        if not (number or are_assigned) and (count := count_parts(table)) > 1:
+            raise RecordError(
+                f"{source}: has {count} tests side by side; read each by its number, as {source}#1, or let mrwork "
+                f"check {source} --table list them"
+            ) from error
         _refuse_sorted(table, headings, specs)
-        marked = _marked(table)
+        marked = marked_lines(table)
         before = f"{source}: " if are_assigned else f"{error}; "
         refusal = type(error)(f"{before}{marked}") if marked else error
         refusal.of_columns = bool(marked) or not are_assigned
         raise refusal from None
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
-        si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
+        si = {quantity: choice.in_si(numbers[choice.column]) for quantity, choice in chosen.items()}
     if step is not None:
         si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
     part = _rows_between(si["time"], start, end, source)
+    if number and not is_side:
+        part = span_of(si["time"], number, source)
     si = {quantity: samples[part] if samples.size > 1 else samples for quantity, samples in si.items()}
     nominal = nominal_from_name(file.stem)
     test = test_from_arrays(
-        name=file.stem,
+        name=f"{file.stem}#{number}" if number else file.stem,
         time=si["time"],
         displacement=si["displacement"],
         force=si["force"],
@@ -395,11 +419,20 @@ def read_damper_test(
         amplitude=nominal.amplitude,
         frequency=nominal.frequency,
         keep_velocity=keep_velocity,
-        origin=Origin(path=source, sha256=table.sha256, locate=lambda row: table.locate(part.start + row)),
+        origin=Origin(
+            path=os.fspath(path),
+            sha256=table.sha256
+            if not number
+            else hashlib.sha256(f"{table.sha256}#{number}".encode()).hexdigest(),
+            locate=lambda row: table.locate(part.start + row),
+        ),
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, headings.unclear_commands(used))
-    return replace(test, remarks=(*test.remarks, *unused_remark(table, used)))
+    asked = () if test.commands or COMMAND in specs else headings.asked_commands(used)
+    return replace(
+        test, remarks=(*command_question(asked, table), *test.remarks, *unused_remark(table, used))
+    )
 
 
 def _refuse_sorted(table: ColumnTable, headings: Headings, columns: Mapping[str, str]) -> None:
@@ -424,11 +457,13 @@ def _rows_between(time: Floats, start: float | None, end: float | None, source: 
             f"{source}: no row has a time from {least:g} to {most:g} s; its times are {np.nanmin(time):g} to "
             f"{np.nanmax(time):g} s"
         )
-    beyond = np.flatnonzero(time[inside[0] :] > most)
+    after = time[inside[0] :]
+    # Up to the next sweep, whose time begins again.
+    beyond = np.flatnonzero((after > most) | (np.diff(after, prepend=after[0]) < 0.0))
     return slice(int(inside[0]), int(inside[0] + beyond[0]) if beyond.size else time.size)
 
 
-def _marked(table: ColumnTable) -> str:
+def marked_lines(table: ColumnTable) -> str:
     """What to do about lines among the rows that are none; empty where there are none."""
     _, markers = table.without_markers()
     if not markers:
@@ -514,73 +549,3 @@ def read_damper_tests(
         beside = () if sentence is None else (_NOT_READ.remark(sentence=sentence),)
         tests.append(replace(test, remarks=(*test.remarks, *beside)))
     return tuple(tests)
-
-
-@checked
-def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
-    """A row of a table of tests for each file, all for the fit; entries that cannot be told are "?".
-
-    A row is in doubt where a quantity cannot be told, where its command is a guess or unknown, or where the test cannot
-    be read or contradicts the name of its file. A file that is no table at all is not used.
-    """
-    return tuple(_guess(file) for file in files)
-
-
-def _guess(file: Path) -> ListedTest:
-    try:
-        table = open_table(file, tells_a_test)
-        headings = Headings.of(table, str(file))
-        scalar = headings.scalar_command()
-    except MrworkError as error:
-        return ListedTest(file=str(file), doubt=_plain(error, file))
-    if scalar is not None:
-        headings = replace(headings, names=[name for name in table.names if name != scalar.column])
-    chosen, doubts = headings.guess()
-    columns: dict[str, str] = {
-        quantity: chosen[quantity].specification if quantity in chosen else UNKNOWN
-        for quantity in (*REQUIRED, "velocity")
-        if quantity in chosen or quantity in REQUIRED
-    }
-    about = [doubts.pop(quantity) for quantity in COMMANDS if quantity in doubts]
-    if unclear := headings.unclear_commands({choice.column for choice in chosen.values()}):
-        about = [f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"]
-    command, doubt = (UNKNOWN, about[0]) if about else _stated_command(file, chosen, scalar)
-    if command:
-        columns[COMMAND] = command
-    if marked := _marked(table):
-        columns[MARKERS] = UNKNOWN
-    remarks = [marked, *doubts.values(), doubt]
-    if UNKNOWN not in columns.values():
-        remarks.append(_read(file, columns))
-    return ListedTest(file=str(file), use="fit", columns=columns, doubt="; ".join(filter(None, remarks)))
-
-
-def _stated_command(
-    file: Path, chosen: dict[TestQuantity, ColumnChoice], scalar: StatedCommand | None
-) -> tuple[str, str]:
-    """The command as a table states it, and a doubt about it, either empty where there is none."""
-    recorded = [chosen[quantity] for quantity in COMMANDS if quantity in chosen]
-    if len(recorded) > 1:
-        return "", f"the command may be '{recorded[0].column}' or '{recorded[1].column}'"
-    if recorded:
-        return recorded[0].specification, ""
-    if scalar is not None:
-        return f"{scalar.column}:{scalar.unit}", ""
-    nominal = nominal_from_name(file.stem)
-    if nominal.command is not None:
-        guessed = "" if nominal.is_regular else "the command is guessed from the name of the file"
-        return f"{nominal.command.values:g} {nominal.command.unit}", guessed
-    return "", "the command is not known; give it as 0.5 A, or as COLUMN:UNIT"
-
-
-def _read(file: Path, columns: dict[str, str]) -> str:
-    """Why the test cannot be read, or what contradicts the name of its file; empty where nothing does."""
-    try:
-        remarks = read_damper_test(file, columns=columns).remarks
-    except MrworkError as error:
-        return _plain(error, file)
-    return "; ".join(remark.message for remark in remarks if remark.code == DISAGREES.code)
-
-
-def _plain(error: MrworkError, file: Path) -> str:
-    return str(error).removeprefix(f"{file}: ")

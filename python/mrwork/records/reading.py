@@ -20,6 +20,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, RecordError
+from mrwork.files.open_table import split_part
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import Origin, read_damper_test, test_from_arrays
 from mrwork.records.repairs import RepairKind, repair
@@ -183,4 +184,4 @@ class Reading:
 
     def _path(self, file: str) -> str:
         """Path of a file from the current folder, or else from the folder where it was read."""
-        return file if exists(file) or not self.folder else str(Path(self.folder) / file)
+        return file if exists(split_part(file)[0]) or not self.folder else str(Path(self.folder) / file)

@@ -60,6 +60,9 @@ _APART: Final = 0.1
 # An outlier differs by at least this much, and by this many robust standard deviations of the set.
 _STANDS_OUT: Final = 0.18
 _SIGNIFICANT: Final = 3.5
+# The force of a damper grows with a power of the velocity from 0, friction, to 1, a dashpot; half of that over this
+# logarithmic distance from the other tests is less than what stands out.
+_BEYOND: Final = 2.0 * _STANDS_OUT
 # Share of a difference that a test as fast at another command shows, too, where it is of the damper.
 _OF_DAMPER: Final = 0.5
 _MISLABELLED: Final = RemarkKind(
@@ -78,7 +81,8 @@ def find_mislabelled(tests: Sequence[DamperTest]) -> Iterator[Remark]:
 
     The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
     and one slope over the logarithm of the peak velocity. Both are medians, so that a few wrong labels do not affect
-    them. Commands with fewer than three tests have no level, nor have tests whose command varies.
+    them. Commands with fewer than three tests have no level, nor have tests whose command varies; a test far slower or
+    faster than all others at its command is not judged.
     """
     for quantity, unit in (("current", "A"), ("voltage", "V")):
         constant = {
@@ -113,7 +117,8 @@ def _standing_out(
     rows = np.concatenate(alike)
     for index, difference in zip(rows, beside, strict=True):
         others = _of_others(index, alike, force_there, velocity)
-        if min(abs(difference), abs(force_there[index] - others)) <= limit:
+        is_unlike = _beyond_others(index, alike, velocity) > _BEYOND
+        if is_unlike or min(abs(difference), abs(force_there[index] - others)) <= limit:
             continue
         like = beside[
             (np.abs(velocity[rows] - velocity[index]) < _APART) & (commands[rows] != commands[index])
@@ -152,6 +157,12 @@ def _of_others(row: int, alike: Sequence[NDArray[np.intp]], force: Floats, veloc
     others = next(rows[rows != row] for rows in alike if row in rows)
     slope = min(max(_slope(force, velocity, [others]), 0.0), 1.0)
     return float(np.median(force[others] + slope * (velocity[row] - velocity[others])))
+
+
+def _beyond_others(row: int, alike: Sequence[NDArray[np.intp]], velocity: Floats) -> float:
+    """How far the log velocity of a test lies beyond those of the others at its command; negative between them."""
+    others = velocity[next(rows[rows != row] for rows in alike if row in rows)]
+    return float(max(others.min() - velocity[row], velocity[row] - others.max()))
 
 
 def _loops(tests: Sequence[DamperTest]) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ from mrwork.base.table import csv_text
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.delimited import read_text_bytes, split_lines
 from mrwork.files.layout import delimiter_of, is_data, split, without_empty_end
-from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS, listed_files
+from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS, listed_files, split_part
 from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, bytes_of, is_file, is_folder
 from mrwork.store.output_file import write_file
@@ -141,7 +141,7 @@ def files_not_read(paths: Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
         inside = [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
         table = folder / TABLE_NAME
         if is_test_table(table):
-            of_table = {real_path(row.file) for row in read_test_table(table)}
+            of_table = {real_path(split_part(row.file)[0]) for row in read_test_table(table)}
             left = [path for path in inside if _is_record(path) and real_path(path) not in of_table]
             why = f"not in {TABLE_NAME}"
         else:
@@ -170,7 +170,8 @@ def is_test_table(path: Path) -> bool:
 def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
     """Read a table of tests, with columns separated by commas, semicolons or tabs.
 
-    The column `file` is required; paths are relative to the folder of the table. `use` is fit, calibration, test or
+    The column `file` is required; paths are relative to the folder of the table, and ``sweeps.csv#2`` is the second
+    sweep or burst of a file, or the second of tests side by side. `use` is fit, calibration, test or
     unused; empty is unused. `time`, `displacement`, `force` and `velocity` name the columns of the record as
     ``COLUMN:UNIT``, `command` a number with its unit (``0.5 A``) or ``COLUMN:UNIT``; where they are empty or absent,
     the record and its name tell. `markers` is "skip" where lines among the rows mark events. `damper`, `serial`,

@@ -16,16 +16,15 @@ from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, runs_of
 from mrwork.errors import RecordError, SettingError
-from mrwork.files.rounded_times import JITTER, regular_steps, rounded_grid
+from mrwork.files.grid import JITTER, Grid, grid
 from mrwork.records.damper_test import DamperTest
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
 _LARGEST: Final = 1e12
 _SHORTEST_STEP: Final = 1e-7
-# Times no further apart than this repeat [s]; slopes between them would overflow.
-_SAME: Final = 1e-12
-_GAP_STEPS: Final = 3.0
+MOST_IN_GAPS: Final = 0.5
+"""A record with a larger share of its time in gaps is none, but bursts."""
 # Share of rows that repeat the time of the row before, from which on the clock is slower than the samples.
 _OFTEN: Final = 0.2
 
@@ -106,10 +105,10 @@ def complete_rows(
         )
     if last - first < complete.size:
         remarks.append(_DROPPED.remark(start=first, end=complete.size - last))
-    wrong = first + np.flatnonzero(np.diff(signals.time[first:last]) <= _SAME)
+    wrong = first + grid(signals.time[first:last]).falls
     if wrong.size == 0:
         return signals.rows(slice(first, last))
-    row = int(wrong[0]) + 1
+    row = int(wrong[0])
     now, before = signals.time[row], signals.time[row - 1]
     more = f" (as do {wrong.size - 1} more rows)" if wrong.size > 1 else ""
     if wrong.size > _OFTEN * (last - first) and now >= before:
@@ -127,8 +126,8 @@ def complete_rows(
             "write the time with more digits or delete the repeated rows"
         )
     raise RecordError(
-        f"{source}: {locate(row)}: the time runs backwards, from {before:g} s to {now:g} s{more}; "
-        f"split the file into its tests, or take the first one (--until {before:g})"
+        f"{source}: {locate(row)}: the time runs backwards, from {before:g} s to {now:g} s{more}; read each sweep as a "
+        f"test of its own, as {source}#1, or take the first one (--until {before:g})"
     )
 
 
@@ -206,10 +205,15 @@ _GAPS: Final = RemarkKind(
     "{gaps} of {value:.4g} s after {at:.6g} s ({steps:.0f} steps) was bridged by interpolation, and is not compared",
     "fit a part without it (--from, --until)",
 )
+_RATE: Final = RemarkKind(
+    "rate_changes",
+    "the sampling rate is {first:.4g} Hz, and {changes}; resampled every {dt:.6g} ms by {rule}, of which the instants "
+    "of samples are compared",
+    verbs=ONCE,
+)
 _RESAMPLED: Final = RemarkKind(
     "resampled",
-    "time steps differ from their median of {median:.4g} ms by up to {share:.3g} %; resampled every {dt:.6g} ms by {0} "
-    "interpolation",
+    "time steps differ from their median of {median:.4g} ms by up to {share:.3g} %; resampled every {dt:.6g} ms by {0}",
     verbs=ONCE,
 )
 
@@ -217,61 +221,177 @@ _RESAMPLED: Final = RemarkKind(
 def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Signals:
     """Put signals on a uniform grid, with remarks.
 
-    Steps that differ from the median by more than 1e-3 of it are resampled to about that step: by a cubic spline, or by
-    PCHIP, which does not overshoot, if there are gaps; stepped commands are held, others linear. Times that are uniform
-    but for rounding are not resampled, because their samples were taken uniformly.
+    Steps that differ from the median by more than 1e-3 of it are resampled to about that step, or to the shortest of a
+    record with several rates; stepped commands are held, others linear. Times that are uniform but for rounding are not
+    resampled, because their samples were taken uniformly.
     """
     time = signals.time
-    steps, median, regular = regular_steps(time)
+    times = grid(time)
+    steps, median = times.steps, times.median
     duration = float(time[-1] - time[0])
     if median < _SHORTEST_STEP:
         raise RecordError(
             f"{source}: the time step is {median:.3g} s, below any rig's; check the unit of the time"
         )
-    if regular.all():
+    if times.regular.all():
         return signals
-    uniform = rounded_grid(time)
-    if uniform is not None:
-        signals = replace(signals, time=uniform)
+    if times.uniform is not None:
+        signals = replace(signals, time=times.uniform)
         least, most, dt = 1e3 * steps.min(), 1e3 * steps.max(), signals.dt
         remarks.append(_ROUNDED_TIMES.remark(least=least, most=most, dt=1e3 * dt, rate=1.0 / dt))
         return signals
 
-    n_uniform = round(duration / median) + 1
-    gaps = np.flatnonzero(steps > _GAP_STEPS * median)
-    if n_uniform > 2 * time.size:
+    rates = times.rates
+    step = min(each for _, each in rates)
+    n_uniform, gaps = round(duration / step) + 1, times.gaps
+    if times.share_in_gaps > MOST_IN_GAPS:
         raise RecordError(
             f"{source}: {time.size} samples of {1e3 * median:.4g} ms leave most of {duration:.4g} s empty "
             f"(largest gap {steps.max():.4g} s after {time[int(np.argmax(steps))]:.4g} s); "
-            "take one continuous part (--from, --until)"
+            f"read each burst as a test of its own, as {source}#1, or take one (--from, --until)"
         )
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps])])
         gap = Measured(float(steps[longest]), "s")
         count = "a gap" if gaps.size == 1 else f"{gaps.size} gaps, the longest"
         remarks.append(_GAPS.remark(measured=gap, gaps=count, at=time[longest], steps=gap.value / median))
-    grid = np.linspace(time[0], time[-1], n_uniform)
+    even = np.linspace(time[0], time[-1], n_uniform)
     dt = duration / (n_uniform - 1)
-    rule = "PCHIP" if gaps.size else "cubic spline"
-    share = 100.0 * float(np.max(np.abs(steps - median))) / median
-    remarks.append(_RESAMPLED.remark(rule, median=1e3 * median, share=share, dt=1e3 * dt))
-    from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
-
-    interpolator = PchipInterpolator if gaps.size else CubicSpline
+    rule = "local cubics" if times.is_uneven or len(rates) > 1 else "cubic spline"
+    if len(rates) > 1:
+        changes = [f"from {time[row]:.6g} s on {1.0 / each:.4g} Hz" for row, each in rates[1:]]
+        remarks.append(
+            _RATE.remark(first=1.0 / rates[0][1], changes=", ".join(changes), dt=1e3 * dt, rule=rule)
+        )
+    else:
+        share = 100.0 * float(np.max(np.abs(steps - median))) / median
+        remarks.append(_RESAMPLED.remark(rule, median=1e3 * median, share=share, dt=1e3 * dt))
+    before = np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 2)
+    # A sample of the grid lies between two of the record; next to one of them, it is measured.
+    beside = np.minimum(even - time[before], time[before + 1] - even) > JITTER * median
+    missing = beside & np.isin(before, gaps)
     measured = {
-        name: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)
+        name: _between(times, channel, even, missing, is_motion=name == "displacement")
         for name, channel in signals.measured.items()
     }
-    commands = tuple(command.resampled(time, grid) for command in signals.commands)
-    before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
-    # A sample of the grid lies between two of the record; next to one of them, it is measured.
-    beside = np.minimum(grid - time[before], time[before + 1] - grid) > JITTER * median
+    commands = tuple(command.resampled(time, even) for command in signals.commands)
+    # Where the rate is lower, what lies between its samples is no sample.
+    slower = np.zeros(time.size - 1, dtype=np.bool_)
+    for (first, each), last in zip(rates, [*(row for row, _ in rates[1:]), time.size], strict=True):
+        slower[first:last] = each > (1.0 + JITTER) * step
+    unmeasured = slower[before] & (np.minimum(even - time[before], time[before + 1] - even) > 0.25 * dt)
     return Signals(
-        time=grid,
+        time=even,
         **measured,
         commands=commands,
-        spiky=signals.spiky[before] | signals.spiky[before + 1],
-        missing=beside & (steps > _GAP_STEPS * median)[before],
+        spiky=signals.spiky[before] | signals.spiky[before + 1] | unmeasured,
+        missing=missing,
+    )
+
+
+def _between(
+    times: Grid, channel: Floats, at: Floats, missing: NDArray[np.bool_], *, is_motion: bool
+) -> Floats:
+    """A channel at other times: by a spline in each part of one rate, and by PCHIP, which does not overshoot, in gaps.
+
+    Of uneven samples, or fewer than are wanted, a spline follows the noise: a motion then follows from local cubics,
+    and another channel of uneven samples is straight between them.
+    """
+    from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
+
+    time, dt = times.time, float(at[1] - at[0])
+    values = np.asarray(PchipInterpolator(time, channel)(at), dtype=np.float64)
+    gaps = {*(times.gaps + 1).tolist()}
+    ends = sorted({*gaps, *(row for row, _ in times.rates[1:])})
+    for part in np.split(np.arange(time.size), ends):
+        # A part of one rate ends where the next begins, one before a gap with its last sample.
+        last = int(part[-1]) + (0 if part[-1] + 1 in {*gaps, time.size} else 1)
+        inside = (at >= time[part[0]]) & (at <= time[last]) & ~missing
+        if part.size < FEWEST_SAMPLES or not inside.any():
+            continue
+        of_part = grid(time[part])
+        if is_motion and (of_part.is_uneven or of_part.median > 1.5 * dt):
+            values[inside] = local_cubics(time[part], channel[part], at[inside])
+        elif of_part.is_uneven:
+            values[inside] = np.interp(at[inside], time, channel)
+        else:
+            values[inside] = CubicSpline(time[part], channel[part])(at[inside])
+    return values
+
+
+# Samples to either side of local cubics that are tried; six beside their own determine one.
+_SIDES: Final = (3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+
+
+def local_cubics(time: Floats, samples: Floats, at: Floats) -> Floats:
+    """Values of cubics that are fitted locally to uneven samples, shape (n_at,), with tricube weights.
+
+    Over so many samples that each is best told by its neighbours (W. S. Cleveland, Journal of the American Statistical
+    Association 74, 1979, 829-836).
+    """
+    sides = [side for side in _SIDES if 2 * side + 1 <= time.size]
+    errors = [
+        float(np.mean((_cubics(time, samples, time, side, without_own=True) - samples) ** 2))
+        for side in sides
+    ]
+    return _cubics(time, samples, at, sides[int(np.argmin(errors))], without_own=False)
+
+
+def _cubics(time: Floats, samples: Floats, at: Floats, side: int, *, without_own: bool) -> Floats:
+    nearest = np.clip(np.searchsorted(time, at), side, time.size - 1 - side)
+    rows = nearest[:, None] + np.arange(-side, side + 1)
+    away = time[rows] - at[:, None]
+    reach = np.abs(away).max(axis=1, keepdims=True) * (1.0 + JITTER)
+    ratio = away / reach
+    root = (1.0 - np.abs(ratio) ** 3) ** 1.5
+    if without_own:
+        root[away == 0.0] = 0.0
+    design = root[:, :, None] * ratio[:, :, None] ** np.arange(4.0)
+    normal = np.einsum("nij,nik->njk", design, design)
+    told = np.einsum("nij,ni->nj", design, root * samples[rows])
+    return np.asarray(np.linalg.solve(normal, told[:, :, None])[:, 0, 0])
+
+
+# Samples from turn to turn up to which strokes at constant speed are told from sines, of which fewer than six in ten
+# steps change so little: the curvature of a sine of 50 samples a stroke is 0.06 of its largest step.
+_PER_STROKE: Final = 50
+_STRAIGHT, _UNCHANGED = 0.8, 0.05
+# Steps between two samples of a straight stroke: a force that turns over in a sample is resolved to 0.1 % of it.
+_BETWEEN: Final = 8
+
+
+def straight_strokes(signals: Signals) -> Signals | None:
+    """Samples of strokes at constant speed with steps between them, which alone are not compared; else `None`.
+
+    Of a loop of twenty samples a stroke a smooth curve rounds the turns, which the force of a damper follows.
+    """
+    if signals.velocity is not None or signals.spiky.any() or signals.missing.any():
+        return None
+    steps = np.diff(signals.displacement)
+    moving = np.abs(steps[steps != 0.0])
+    turns = np.flatnonzero(np.diff(np.sign(steps[steps != 0.0])) != 0.0)
+    # A coarse channel stands still between its steps.
+    if (
+        moving.size < _STRAIGHT * steps.size
+        or turns.size < 2
+        or float(np.median(np.diff(turns))) > _PER_STROKE
+    ):
+        return None
+    if np.mean(np.abs(np.diff(steps)) < _UNCHANGED * np.median(moving)) < _STRAIGHT:
+        return None
+    time = signals.time
+    fine = np.interp(np.arange((time.size - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(time.size), time)
+    displacement, force = (np.interp(fine, time, each) for each in (signals.displacement, signals.force))
+    between = np.ones(fine.size, dtype=np.bool_)
+    between[::_BETWEEN] = False
+    return Signals(
+        time=fine,
+        displacement=displacement,
+        force=force,
+        velocity=np.gradient(displacement, fine),
+        commands=tuple(command.resampled(time, fine) for command in signals.commands),
+        spiky=between,
+        missing=np.zeros_like(between),
     )
 
 

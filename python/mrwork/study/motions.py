@@ -20,6 +20,7 @@ from mrwork.base.remark import Remark
 from mrwork.base.summary import named
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.files.roles import Stated
 from mrwork.motions import GroundMotion
 from mrwork.motions.examination import force_remarks, refuse_absurd
 from mrwork.motions.forces import read_forces, shares_of, with_forces
@@ -38,7 +39,6 @@ from mrwork.motions.ground_motion import (
     time_scaled,
     trimmed,
 )
-from mrwork.motions.networks import Stated
 from mrwork.motions.read import motion_files, motion_of_file
 from mrwork.motions.roads import iso_8608_road, road_of_file
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
@@ -169,8 +169,8 @@ def _grounds(
             shares = shares_of(floors, table.floor, table.shape)
         with keyed("force"):
             # Beside a ground, unit and step are of the ground.
-            stated = named(table, "unit", "dt") if table.ground is None else {"unit": None, "dt": None}
-            forced = read_forces(path, floors, shares=shares, **stated)
+            stated = named(table, "unit", "dt")
+            forced = read_forces(path, floors, shares=shares, **stated, alone=table.ground is None)
     elif table.forces is not None and table.ground is None:
         with keyed("forces"):
             size = factor_to_si(table.unit or "N", "force", context="unit")

@@ -613,7 +613,8 @@ class MotionTable(Stated):
     sa: float | tuple[float, ...] | None = optional(
         "spectral acceleration that the motion is scaled to: pseudo-acceleration at sa_period and sa_damping",
         unit="m/s2",
-        usual=(0.1, 80.0),
+        # From 0.067 g on, as S_D1 in ASCE/SEI 7-16, Table 11.6-2.
+        usual=(0.65, 80.0),
     )
     sa_period: float | None = positive(
         "period of the spectral acceleration, by default the first period of [building], before dampers",
