@@ -1,7 +1,7 @@
 """How much of a faster test lies within sets of laws that predict nearly as well, and the band around them?
 
 98 to 99 % where the damper is of the model, 92 to 96 % where it thins as the model does not; a 90 % band about one set
-alone holds 1 to 6 points fewer. The sets make the band 1.2 to 1.3 times as wide. Ten minutes of one core, the quick
+alone holds 1 to 6 points fewer. The sets make the band 1.2 to 1.3 times as wide. An hour of one core, the quick
 form ten seconds.
 """
 

@@ -139,7 +139,7 @@ def _effects(function: FunctionType, remedy: str) -> Iterator[str]:
                 words = (
                     "yields" if called is None else f"calls {ast.unparse(called)} and does not use the result"
                 )
-                yield f"{at}: it {words}: what it does beside its command would happen once; leave it out"
+                yield f"{at}: it {words}: what it does beside its result would happen once; leave it out"
         elif isinstance(node, (ast.Global, ast.Nonlocal)):
             yield f"{at}: it changes {', '.join(node.names)}, which would happen once; {remedy}"
         elif isinstance(node, (ast.Subscript, ast.Attribute)) and not isinstance(node.ctx, ast.Load):

@@ -26,7 +26,7 @@ _BRANCH = (
 )
 _FILLED = (
     "np.asarray, np.array or an array of NumPy that is filled asks for values that are known only in the loop; fill "
-    "np.zeros_like(sample.rate), or write np.stack([...])"
+    "np.zeros_like of an argument, as of sample.rate, or write np.stack([...])"
 )
 _INDEX = (
     "a table of NumPy is indexed by a value that is known only in the loop; write np.choose(place, table), np.select "
@@ -255,7 +255,7 @@ class Traced(NDArrayOperatorsMixin):
         return float(
             self._known(
                 "float(), a function of math or a cell of an array of NumPy asks for a value that is known only in the "
-                "loop; write the function of np, and fill np.zeros_like(sample.rate)"
+                "loop; write the function of np, and fill np.zeros_like of an argument, as of sample.rate"
             )
         )
 
