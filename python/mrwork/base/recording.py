@@ -14,6 +14,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -25,27 +26,33 @@ MOST_OPERATIONS: Final = 20_000
 _MOST_FACTORS = 16
 _OWN = ("mrwork.base.", "mrwork.closed_loop.", "mrwork.dampers.", "mrwork.twins.")
 
-NUMBERS: Final[dict[str, Callable[..., Any]]] = {
-    "add": np.add,
-    "subtract": np.subtract,
-    "multiply": np.multiply,
-    "divide": np.divide,
-    "negative": np.negative,
-    "absolute": np.absolute,
-    "sqrt": np.sqrt,
-    "copysign": np.copysign,
-    "minimum": lambda a, b: np.where(a < b, a, b),
-    "maximum": lambda a, b: np.where(a > b, a, b),
-    "rint": np.rint,
-    "less": lambda a, b: np.where(a < b, 1.0, 0.0),
-    "equal": lambda a, b: np.where(a == b, 1.0, 0.0),
-    "where": lambda c, a, b: np.where(c > 0.0, a, b),
-    "exp": np.exp,
-    "log": np.log,
-    "power": np.power,
-    "tanh": np.tanh,
-    "multiply_add": lambda a, b, c: a * b + c,
-}
+
+def operations_on(xp: ModuleType) -> dict[str, Callable[..., Any]]:
+    """Operations of a recording by name, on arrays of NumPy or JAX."""
+    return {
+        "add": xp.add,
+        "subtract": xp.subtract,
+        "multiply": xp.multiply,
+        "divide": xp.divide,
+        "negative": xp.negative,
+        "absolute": xp.absolute,
+        "sqrt": xp.sqrt,
+        "copysign": xp.copysign,
+        "minimum": lambda a, b: xp.where(a < b, a, b),
+        "maximum": lambda a, b: xp.where(a > b, a, b),
+        "rint": xp.rint,
+        "less": lambda a, b: xp.where(a < b, 1.0, 0.0),
+        "equal": lambda a, b: xp.where(a == b, 1.0, 0.0),
+        "where": lambda c, a, b: xp.where(c > 0.0, a, b),
+        "exp": xp.exp,
+        "log": xp.log,
+        "power": xp.power,
+        "tanh": xp.tanh,
+        "multiply_add": lambda a, b, c: a * b + c,
+    }
+
+
+NUMBERS: Final = operations_on(np)
 """Operations of a recording by name, on arrays of NumPy.
 
 In the core `multiply_add` is rounded once, and `power` has no number for a base below zero and counts a subnormal one

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import jax.numpy as jnp
 from jax import Array, lax
 
+from mrwork.base.recording import operations_on
 from mrwork.base.tape import Tape
 from mrwork.dampers.own_equations import OwnEquations
 
@@ -22,27 +23,7 @@ def _power(a: Array, n: Array) -> Array:
     return jnp.where(a > 0.0, jnp.where(a > 0.0, a, 1.0) ** n, lax.stop_gradient(a) ** lax.stop_gradient(n))
 
 
-_OPERATIONS: Final[Mapping[str, Callable[..., Any]]] = {
-    "add": jnp.add,
-    "subtract": jnp.subtract,
-    "multiply": jnp.multiply,
-    "divide": jnp.divide,
-    "negative": jnp.negative,
-    "absolute": jnp.abs,
-    "sqrt": _root,
-    "copysign": jnp.copysign,
-    "minimum": lambda a, b: jnp.where(a < b, a, b),
-    "maximum": lambda a, b: jnp.where(a > b, a, b),
-    "rint": jnp.rint,
-    "less": lambda a, b: jnp.where(a < b, 1.0, 0.0),
-    "equal": lambda a, b: jnp.where(a == b, 1.0, 0.0),
-    "where": lambda c, a, b: jnp.where(c > 0.0, a, b),
-    "exp": jnp.exp,
-    "log": jnp.log,
-    "power": _power,
-    "tanh": jnp.tanh,
-    "multiply_add": lambda a, b, c: a * b + c,
-}
+_OPERATIONS: Final = operations_on(jnp) | {"sqrt": _root, "power": _power}
 _WITH_NUMBER: Final = {
     "add_number": "add",
     "multiply_number": "multiply",
