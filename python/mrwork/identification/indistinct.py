@@ -18,13 +18,27 @@ from mrwork.records.observation import EFFECTS, Observing
 # Shares of the power of the velocity between which the frequencies of a test lie; those below this ratio are one.
 _MOST_POWER = (0.2, 0.8)
 SAME_FREQUENCY = 1.3
-_OFFSET = EFFECTS["offset"]
+_OFFSET, _GAIN = EFFECTS["offset"], EFFECTS["gain"]
 _OFFSET_CURE = "subtract the offset by --repair offset, or estimate it for each test by --observe offset=each"
 _OFFSET_LACKING = RemarkKind(
     "offset_not_described",
     "the force has a static offset in {0}, and {1}, so the model cannot describe it",
     f"{{unless}}{{cure}}, {_OFFSET_CURE}",
 )
+
+
+_SIZE_OPEN = RemarkKind(
+    "size_of_force_open",
+    "the gain of the force is estimated for each test, so no test tells the size of the force: parameters that are "
+    "forces are known up to one common factor, and bounds decide it",
+    "give the gain of a load cell that you trust by --observe gain=VALUE",
+)
+
+
+def open_size(observing: Observing) -> Iterator[Remark]:
+    """Warn where the gain of every test is estimated, which leaves the size of the force of any model open."""
+    if _GAIN in observing.of_each:
+        yield _SIZE_OPEN.remark()
 
 
 def refuse_indistinct(observing: Observing, tests: Sequence[DamperTest] = ()) -> None:

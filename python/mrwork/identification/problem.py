@@ -26,7 +26,12 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
-from mrwork.identification.indistinct import bounds_without_offsets, refuse_indistinct, unlike_offsets
+from mrwork.identification.indistinct import (
+    bounds_without_offsets,
+    open_size,
+    refuse_indistinct,
+    unlike_offsets,
+)
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.records import DamperTest, observed
@@ -119,6 +124,7 @@ class Problem:
         yield from pooled_commands(tests, (self.spec,))
         if self.shows_rate is False:
             yield _RATE_HIDDEN.remark()
+        yield from open_size(settings.observing)
         yield from unlike_offsets(settings.observing, self.spec, settings.bounds, tests)
 
     @property
