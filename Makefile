@@ -18,7 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo test quick sentences faults lint format bench docs docs-check dist licences clean
 
 demo: $(VENV)/.built
-	$(BIN)/mrwork demo
+	$(BIN)/mrwork identify synthetic:spencer1997 --out out/demo
 
 test: $(VENV)/.built $(VENV)/.dev
 	cargo test --quiet --release --workspace

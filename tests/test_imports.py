@@ -35,7 +35,7 @@ HOMES = {
     ("fontTools", "jinja2"): ("report",),
     ("ipywidgets",): ("plots.explore",),
     ("cvxpy", "clarabel"): ("control.weights",),
-    ("shtab",): ("cli.completion",),
+    ("shtab",): ("cli.completions",),
 }
 
 TESTS = """

@@ -1,4 +1,4 @@
-"""What `mrwork cite` prints: every published source is a work with a title, and every work is used by something."""
+"""What `mrwork report --cite` prints: every published source is a work with a title, and every work has a use."""
 
 import json
 import re
@@ -57,7 +57,7 @@ def test_a_run_cites_its_model_its_search_and_its_records(tmp_path: Path) -> Non
         "identify", record, "--model", "bingham", "--search", "particle_swarm", "--generations", 2, "--column",
         "command=0A", "--quiet", "--out", place,
     )  # fmt: skip
-    entries = json.loads(mrwork("cite", place, "--json").stdout)["entries"]
+    entries = json.loads(mrwork("report", place, "--cite", "--json").stdout)["entries"]
     used_for = {entry["key"]: entry["used_for"] for entry in entries}
     assert used_for["stanway1987"] == ["model: bingham"]
     assert used_for["kennedy1995"] == ["method: particle_swarm"]

@@ -29,7 +29,7 @@ def _index() -> str:
     return document(
         "(control-laws)=\n# Control laws",
         "A law gives the command of each device at every control sample from what its sensors, or an observer, say of "
-        "the state. `mrwork respond --laws` prints these pages. A law of your own in Python runs in the same loop: see "
+        "the state. `mrwork help laws` prints these pages. A law of your own in Python runs in the same loop: see "
         "{py:func}`mrwork.own_law`.",
         table(("law", "name", "needs"), rows),
         "## Constant commands",

@@ -61,7 +61,8 @@ def noise_page() -> str:
     return document(
         "(noise-models)=\n# Noise models",
         "A noise model is the probability density of the residuals between measured force and model, in units of the "
-        "standard deviation of the test's force. `--noise NAME` of [`mrwork sample`](verbs/sample.md) chooses one.",
+        "standard deviation of the test's force. `--noise NAME` of [`mrwork intervals --posterior`]"
+        "(verbs/intervals.md) chooses one.",
         *sections,
     )
 

@@ -24,7 +24,7 @@ def schema_page() -> str:
     return document(
         "(study-schema)=\n# Keys of a study file",
         "A study is a TOML file that [`mrwork respond`](verbs/respond.md) and [`mrwork tune`](verbs/tune.md) read. "
-        "`mrwork respond --schema` prints this page. Numbers are in the SI unit that is given here, or texts "
+        "`mrwork help study` prints this page. Numbers are in the SI unit that is given here, or texts "
         'with another unit of the same dimension, as `"2 mm"`.',
         *sections,
     )

@@ -44,7 +44,7 @@ def valley(profiled: Path) -> Path:
 
 
 def test_a_profile_says_what_the_data_settle(valley: Path) -> None:
-    text = printed("profile", valley, "--quiet")
+    text = printed("intervals", valley, "--quiet")
     (alpha,) = [line for line in text.splitlines() if line.strip().startswith("alpha ")]
     assert alpha.endswith("identifiable")
     (delta,) = [line for line in text.splitlines() if line.strip().startswith("delta ")]
@@ -63,7 +63,7 @@ def test_a_better_fit_that_a_profile_finds_replaces_that_of_the_run(profiled: Pa
         replace(each, value=(1.2 if each.name == "alpha" else 1.0) * each.value) for each in fit.estimates
     ]
     add_to_run(place, {"fit.json": fit_content(replace(fit, estimates=tuple(short), nrmse=2.0 * fit.nrmse))})
-    assert "replaces the profiled one" in printed("profile", place, "--parameter", "f0", "--quiet")
+    assert "replaces the profiled one" in printed("intervals", place, "--parameter", "f0", "--quiet")
     better = reopen(place).fit
     assert better.nrmse == pytest.approx(fit.nrmse, rel=1e-3)
     assert (
@@ -75,11 +75,11 @@ def test_a_better_fit_that_a_profile_finds_replaces_that_of_the_run(profiled: Pa
         "a profile of its parameters found it" in printed("report", place, "--quiet") + better.status_in_words
     )
     # What was found is profiled without a further replacement.
-    assert "replaces" not in printed("profile", place, "--parameter", "f0", "--quiet")
+    assert "replaces" not in printed("intervals", place, "--parameter", "f0", "--quiet")
 
 
 def test_json_is_one_object_and_what_is_written(valley: Path) -> None:
-    document = json.loads(printed("profile", valley, "--json", "--level", "0.5", "--parameter", "c"))
+    document = json.loads(printed("intervals", valley, "--json", "--level", "0.5", "--parameter", "c"))
     (c,) = document["profiles"]
     assert c["lower"] < c["estimate"] < c["upper"]
     written = json.loads((valley / "profiles.json").read_text())
@@ -93,9 +93,9 @@ def test_intervals_take_the_place_of_standard_errors_everywhere(profiled: Path, 
     shutil.copytree(profiled, place)
     (place / "profiles.json").unlink(missing_ok=True)
     # Of one parameter only: the table keeps its standard errors, as it has one kind of uncertainty.
-    printed("profile", place, "--quiet", "--parameter", "c")
+    printed("intervals", place, "--quiet", "--parameter", "c")
     assert load(place).fit.an_interval is None
-    document = json.loads(printed("profile", place, "--json"))
+    document = json.loads(printed("intervals", place, "--json"))
     (c,) = [each for each in document["profiles"] if each["name"] == "c"]
     fit = load(place).fit
     assert "standard error" not in repr(fit)
@@ -117,17 +117,21 @@ def sampled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> None:
     import xarray
 
-    text = printed("sample", sampled, "--steps", "300", "--walkers", "20", "--threads", "1")
+    text = printed("intervals", sampled, "--posterior", "--steps", "300", "--walkers", "20", "--threads", "1")
     assert "Not converged after 300 steps" in text
     with xarray.open_datatree(sampled / "posterior.nc", engine="h5netcdf") as tree:
         assert tree["posterior"]["alpha"].attrs["units"] == "N"
         assert tree.attrs["steps"] == 300
-    again = mrwork("sample", sampled, "--steps", "400", "--walkers", "20", "--resume", "--json")
+    again = mrwork(
+        "intervals", sampled, "--posterior", "--steps", "400", "--walkers", "20", "--resume", "--json"
+    )
     document = json.loads(again.stdout)
     assert document["steps"] == 400
     expected = {"median", "lower_5", "upper_95", "ess_bulk", "rhat", "state"}
     assert set(document["parameters"]["alpha"]) >= expected
-    command_refusal("sample", sampled, "--seed", "9", "--resume", "--quiet", match="another sampling")
+    command_refusal(
+        "intervals", sampled, "--posterior", "--seed", "9", "--resume", "--quiet", match="another sampling"
+    )
 
 
 @pytest.mark.parametrize(
@@ -139,7 +143,7 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> Non
     ],
 )
 def test_what_cannot_be_sampled_is_refused(sampled: Path, words: tuple[str, ...], word: str) -> None:
-    command_refusal("sample", sampled, *words, "--quiet", match=word)
+    command_refusal("intervals", sampled, "--posterior", *words, "--quiet", match=word)
 
 
 @pytest.fixture(scope="module")

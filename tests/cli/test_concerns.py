@@ -132,8 +132,7 @@ def arguments_of(verb: Verb, run: Run) -> tuple[object, ...]:
         return ("predict", run.folder, *run.files)
     others: dict[Verb, tuple[object, ...]] = {
         "calibrate": ("--leave-out", "test", "--threads", "1"),
-        "sample": ("--steps", "4", "--walkers", "10", "--threads", "1"),
-        "profile": ("--parameter", "f_c", "--threads", "1"),
+        "intervals": ("--parameter", "f_c", "--threads", "1"),
         "plan": ("--amplitudes", "0.01", "--frequencies", "1,2", "--threads", "1"),
         "report": (),
     }

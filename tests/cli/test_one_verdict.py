@@ -115,16 +115,18 @@ def test_later_intervals_bring_their_verdicts_everywhere(tmp_path: Path) -> None
     place = tmp_path / "run"
     path = record(tmp_path, 0.4)
     printed("identify", path, "--model", "dahl", "--seed", "1", "--quiet", "--out", place)
-    whole = printed("profile", place, "--quiet")
+    whole = printed("intervals", place, "--quiet")
     assert "stay those" not in whole
     assert check_one_verdict(place, whole)["f0"] == "sign unknown"
     assert mr.load(place).fit.an_interval is not None
-    drawn = printed("sample", place, "--quiet", "--walkers", "32", "--steps", "6000", "--seed", "1")
+    drawn = printed(
+        "intervals", place, "--posterior", "--quiet", "--walkers", "32", "--steps", "6000", "--seed", "1"
+    )
     kind = mr.load(place).fit.an_interval
     assert kind is not None
     assert kind.kind == "posterior", drawn
     assert check_one_verdict(place, drawn)["f0"] == "sign unknown"
     # The draws come first; profiles say so.
-    after = printed("profile", place, "--quiet", "--parameter", "k_w")
+    after = printed("intervals", place, "--quiet", "--parameter", "k_w")
     assert "verdicts of the fit, and of its page, stay those by its 95 % posterior inter" in after
     check_one_verdict(place, "")

@@ -89,5 +89,5 @@ def test_a_fit_whose_page_fails_is_complete_and_takes_what_later_verbs_add(
     document = json.loads(undrawn("predict", out, "synthetic:spencer1997_slow", "--json").splitlines()[0])
     assert document["stored"] == str(out / "held_out.json")
     assert "files" in document
-    undrawn("profile", out, "--quiet")
+    undrawn("intervals", out, "--quiet")
     assert (out / "profiles.json").is_file()

@@ -143,8 +143,11 @@ def test_the_run_of_another_verb_is_replaced_by_leave_only(
 def test_what_verbs_have_added_to_a_fit_and_what_was_edited_is_named(
     run_folder: Path, small_inputs: Path
 ) -> None:
-    assert mrwork("profile", run_folder, "--quiet", "--parameter", "c").returncode == 0
-    assert mrwork("sample", run_folder, "--steps", 2, "--walkers", 16, "--quiet").returncode == 0
+    assert mrwork("intervals", run_folder, "--quiet", "--parameter", "c").returncode == 0
+    assert (
+        mrwork("intervals", run_folder, "--posterior", "--steps", 2, "--walkers", 16, "--quiet").returncode
+        == 0
+    )
     assert mrwork("report", run_folder, "--figures", "--quiet").returncode == 0
     command = [*words("identify", small_inputs), "--out", run_folder]
     added = "figures/, posterior.jsonl, posterior.nc, profiles.json, which other verbs or you have added"

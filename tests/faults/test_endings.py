@@ -48,16 +48,16 @@ JOBS = {
     "identify": Job(words="identify rig/0.csv --model bouc_wen --threads 1 --out run", before=ONE),
     "laws": Job(words=f"{FIT} --law auto", before=ONE),
     "models": Job(words="identify rig --model viscous_dahl,dahl --every 4 --threads 1 --out run", before=ONE),
-    "sample": Job(
-        words="sample run --walkers 16 --steps 60 --threads 1",
+    "posterior": Job(
+        words="intervals run --posterior --walkers 16 --steps 60 --threads 1",
         before=FIT,
         part=lambda run: None if run.draws is None else run.draws.theta.tolist(),
     ),
     "calibrate": Job(
         words="calibrate run --threads 1", before=FIT, part=lambda run: run.calibration, resume=()
     ),
-    "profile": Job(
-        words="profile run --threads 1",
+    "intervals": Job(
+        words="intervals run --threads 1",
         before=FIT,
         part=lambda run: re.sub(r"simulations, [\d.]+ s", "", repr(run.profiles)),
         resume=(),

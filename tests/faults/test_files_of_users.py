@@ -44,7 +44,7 @@ def test_a_file_that_grows_is_not_written_through_a_link(tmp_path: Path, resume:
 
 
 @pytest.mark.parametrize(
-    "words", [(*FIT, "--replace", "--out"), ("report",), ("profile",)], ids=lambda words: words[0]
+    "words", [(*FIT, "--replace", "--out"), ("report",), ("intervals",)], ids=lambda words: words[0]
 )
 def test_what_links_in_a_run_lead_to_stays(run: Path, words: tuple[object, ...]) -> None:
     precious = run.parent / "precious"

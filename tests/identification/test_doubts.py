@@ -233,7 +233,9 @@ def test_static_offsets_that_differ_between_tests_are_told(shift: float, told: b
 @pytest.mark.parametrize(("observe", "told"), [("gain=each", True), ("offset=each", False)])
 def test_the_size_of_the_force_is_open_where_each_gain_is_estimated(observe: str, told: bool) -> None:
     test = driven_test(SPEC, SPEC.nominal, (0.01, 2.0), dt=2e-3, n_time=1000, noise_n=5.0, rng=0, command=0.0)
-    twice = driven_test(SPEC, SPEC.nominal, (0.01, 1.0), dt=2e-3, n_time=1000, noise_n=5.0, rng=1, command=0.0)
+    twice = driven_test(
+        SPEC, SPEC.nominal, (0.01, 1.0), dt=2e-3, n_time=1000, noise_n=5.0, rng=1, command=0.0
+    )
     fit = fitted((test, twice), observe=observe)
     assert ("size_of_force_open" in {each.code for each in fit.remarks}) is told
 

@@ -418,8 +418,8 @@ def test_rows_tests_and_motions_are_chosen_by_name_or_number() -> None:
 
 def test_what_a_result_does_not_have_says_how_to_get_it() -> None:
     run = replace(RESULTS["StoredRun"](), draws=None, profiles=None, bands=None, place="run")
-    refusal(run.plot.posterior, match="mrwork sample run")
-    refusal(run.plot.profiles, match="mrwork profile run")
+    refusal(run.plot.posterior, match="mrwork intervals --posterior run")
+    refusal(run.plot.profiles, match="mrwork intervals run")
     refusal(run.plot.bands, match="mrwork calibrate run")
     refusal(replace(RESULTS["Fit"](), tests=()).plot.loops, match="has no tests")
     refusal(run.plot.laws, match="with_current_laws")

@@ -227,8 +227,8 @@ def whole(plain: Path) -> Path:
     shutil.copytree(plain, place)
     # The last verb draws the page anew.
     with blank():
-        run_verb("profile", place)
-        run_verb("sample", place, "--steps", "60", "--walkers", "16")
+        run_verb("intervals", place)
+        run_verb("intervals", place, "--posterior", "--steps", "60", "--walkers", "16")
         run_verb("calibrate", place, *LEFT_OUT, *READING)
     run_verb("plan", place, "--amplitudes", "0.005,0.02", "--frequencies", "1,3")
     return place
@@ -244,7 +244,7 @@ def anchors(place: Path) -> list[str]:
 def test_every_verb_adds_its_section_and_a_page_written_again_is_the_same(plain: Path, whole: Path) -> None:
     assert anchors(plain) == OWN_SECTIONS
     text = (plain / "report.html").read_text()
-    for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
+    for command in ("mrwork intervals RUN", "mrwork intervals RUN --posterior", "mrwork calibrate RUN TESTS"):
         assert f"<code>{command}</code>" in text
     added = ["prediction-bands", "profile-likelihood", "posterior", AMPLITUDES, "residuals", "next-test"]
     assert anchors(whole) == [TESTS, "parameters", *added, *OWN_SECTIONS[-3:]]

@@ -22,7 +22,7 @@ HELD_OUT = ("synthetic:spencer1997_slow", "--every", "40")
 def folder(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two fits, of which one has predicted a held-out test, a study and a tuning."""
     place = tmp_path_factory.mktemp("compare")
-    for name, verb in (("one", "identify"), ("other", "demo"), ("study", "respond"), ("tuned", "tune")):
+    for name, verb in (("one", "identify"), ("other", "identify"), ("study", "respond"), ("tuned", "tune")):
         shutil.copytree(runs / verb, place / name)
     printed("predict", place / "one", *HELD_OUT, "--quiet")
     return place

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import study_samples
 import xarray
-from command_line import mrwork
+from command_line import mrwork, printed
 from matplotlib.figure import Figure
 from refusals import command_refusal, refusal
 from verb_folders import verbs_with
@@ -25,8 +25,7 @@ SLOW = ("synthetic:spencer1997_slow", "synthetic:spencer1997_fast", "--every", 4
 def additions(verb: str) -> list[object]:
     """What a verb takes behind the folder of a fit; a new verb with RUN needs its line."""
     given: dict[str, list[object]] = {
-        "profile": [],
-        "sample": ["--steps", 2, "--walkers", 16],
+        "intervals": [],
         "calibrate": [*SLOW],
         "predict": [*SLOW],
         "plan": [],
@@ -70,8 +69,14 @@ def test_the_folder_of_a_fit_is_read_back_after_every_verb_that_takes_it(verb: s
     assert ended.returncode == 0, ended
     after = mr.load(copied, mr.StoredRun)
     assert after.fit.theta == before.theta
-    held = {"profile": after.profiles, "sample": after.draws, "calibrate": after.bands, "plan": after.plan}
+    held = {"intervals": after.profiles, "calibrate": after.bands, "plan": after.plan}
     assert held.get(verb, after) is not None
+
+
+@pytest.mark.parametrize("copied", ["identify"], indirect=True)
+def test_the_folder_of_a_fit_is_read_back_with_draws(copied: Path) -> None:
+    printed("intervals", copied, "--posterior", "--steps", 2, "--walkers", 16)
+    assert mr.load(copied, mr.StoredRun).draws is not None
 
 
 def test_a_comparison_of_models_is_the_run_of_the_chosen_one(runs: Path) -> None:
@@ -135,7 +140,7 @@ def test_what_is_no_run_is_refused_by_what_it_is(tmp_path: Path) -> None:
 
 
 def test_the_folder_around_runs_and_what_is_within_one_name_the_runs(runs: Path) -> None:
-    refusal(mr.load, runs, match="give one of characterise, compared, demo")
+    refusal(mr.load, runs, match="give one of characterise, compared, identify")
     refusal(mr.load, runs / "identify" / FIT, match="part of the run .*identify")
     refusal(mr.load, runs / "compared" / MODELS / "bingham", match="part of the run .*compared")
 

@@ -6,7 +6,7 @@ import numpy as np
 import tuning_samples
 from command_line import printed
 
-from mrwork.cli.completion import subcommands
+from mrwork.cli.completions import subcommands
 from mrwork.cli.door import parser, verbs
 
 COMMANDS = subcommands(parser(verbs()))
@@ -38,7 +38,6 @@ def verbs_with(destination: str) -> list[str]:
 def words(verb: str, inputs: Path) -> list[object]:
     """A command that writes a run folder in little time, but for --out; a new verb with --out needs its line."""
     given: dict[str, list[object]] = {
-        "demo": [],
         "characterise": [inputs / "rig", "--model", "viscous_dahl"],
         "identify": [*RECORD, *FIXED],
         "respond": [inputs / "small.toml"],

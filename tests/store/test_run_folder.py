@@ -143,7 +143,7 @@ def test_an_addition_that_cannot_be_read_names_the_verb_that_writes_it(tmp_path:
 def test_an_addition_of_another_run_is_refused(tmp_path: Path) -> None:
     place = write_fit(tmp_path / "run", FIT)
     (place / PROFILES).write_text("{}")
-    refusal(mr.load, place, match=f"{PROFILES} is not as mrwork has written it; run `mrwork profile` again")
+    refusal(mr.load, place, match=f"{PROFILES} is not as mrwork has written it; run `mrwork intervals` again")
 
 
 @pytest.mark.parametrize("to_be_read", [True, False])

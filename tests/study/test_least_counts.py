@@ -106,10 +106,10 @@ def test_a_limit_that_is_not_kept_is_told_with_what_is_reached(tmp_path: Path) -
     assert found.runs == len(best.tried) * (3 * 2 + 21 * 2)
     given.to_toml(tmp_path / "study.toml")
     printed(
-        "respond", tmp_path / "study.toml", "--size", "count", "--figure", tmp_path / "counts.svg", "--quiet"
+        "tune", tmp_path / "study.toml", "--size", "count", "--figure", tmp_path / "counts.svg", "--quiet"
     )
     assert (tmp_path / "counts.svg").read_bytes().startswith(b"<")
-    stored = json.loads(printed("respond", tmp_path / "study.toml", "--size", "storey", "--json"))
+    stored = json.loads(printed("tune", tmp_path / "study.toml", "--size", "storey", "--json"))
     assert [each["keeps"] for each in stored["rows"]] == [False, False]
 
 
@@ -229,5 +229,5 @@ def test_dampers_and_devices_of_baselines_are_counted_side_by_side(tmp_path: Pat
     assert "N s/m" in str(found)
     given.to_toml(tmp_path / "study.toml")
     figure = tmp_path / "counts.svg"
-    printed("respond", tmp_path / "study.toml", "--size", "count", "--figure", figure, "--quiet")
+    printed("tune", tmp_path / "study.toml", "--size", "count", "--figure", figure, "--quiet")
     assert figure.is_file()

@@ -257,10 +257,10 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: P
 def test_the_verb_prints_its_building_without_reading_the_rest(tmp_path: Path) -> None:
     path = tmp_path / "study.toml"
     path.write_text('[building]\npublished = "uts"\nheight = 3.6\n\n[[controller]]\nlaw = "none"\n')
-    text = printed("respond", path, "--building")
+    text = printed("check", path)
     for word in ("337, 4 x 330 kg", "5 x 3.6 m", "0.3334", "87.85"):
         assert word in text
-    document = json.loads(printed("respond", path, "--building", "--json"))
+    document = json.loads(printed("check", path, "--json"))
     assert document["periods"][0] == pytest.approx(1.0 / 3.0, rel=1e-3)
     assert sum(document["effective_masses"]) == pytest.approx(1657.0)
 
@@ -275,6 +275,10 @@ def test_the_verb_prints_no_building_of_a_study_with_an_unknown_table(tmp_path: 
 def test_what_cannot_be_run_is_one_sentence(refused: Refused) -> None:
     refused.command("respond")
     refused.command("respond", "gone.toml")
+    refused.command("check", "gone.toml", "rig.csv")
+    refused.command("check", "gone.toml", "--every", "2")
+    refused.command("tune", "gone.toml", "--figure", "a.svg")
+    refused.command("tune", "gone.toml", "--size", "count", "--quick")
 
 
 def test_drift_ratios_are_peaks_over_the_heights_of_the_storeys_of_the_bare_building(tmp_path: Path) -> None:
@@ -348,7 +352,7 @@ def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps
     (said,) = [each for each in results_in_words(results) if "drift limit" in each]
     assert f"{results.rows[0].label} under 2 of {len(results.motions)}, 1 of which diverged" in said
     assert "as a frame does that collapses" in " ".join(warnings_of(results.remarks))
-    pushed = json.loads(printed("respond", path, "--pushover", "--json"))
+    pushed = json.loads(printed("check", path, "--pushover", "--json"))
     assert pushed["roof"][-1] == pytest.approx(0.04 * 6.0)
     path.write_text(
         path.read_text(encoding="utf-8").replace("pga = [0.5, 1.0]", "pga = 80"), encoding="utf-8"

@@ -5,7 +5,10 @@ import sys
 
 import mrwork as mr
 
-subprocess.run([sys.executable, "-m", "mrwork", "demo", "--quiet", "--out", "demo"], check=True)
+subprocess.run(
+    [sys.executable, "-m", "mrwork", "identify", "synthetic:spencer1997", "--quiet", "--out", "demo"],
+    check=True,
+)
 fit = mr.load("demo", mr.StoredRun).fit
 forces = mr.simulate(fit.spec, fit.theta, mr.synthetic_test("spencer1997"))
 

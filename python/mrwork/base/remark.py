@@ -9,7 +9,7 @@ from typing import ClassVar, Final, Literal, get_args
 from mrwork.base.numbers import in_plain, value_and_error
 
 Severity = Literal["note", "warning", "repaired"]
-Verb = Literal["check", "identify", "predict", "calibrate", "sample", "profile", "plan", "report"]
+Verb = Literal["check", "identify", "predict", "calibrate", "intervals", "plan", "report"]
 EVERY_VERB: Final[tuple[Verb, ...]] = get_args(Verb)
 OF_FILES: Final[tuple[Verb, ...]] = ("check", "identify", "predict", "calibrate")
 """Verbs that take files; the others take the tests of a run, whose remarks its identification has said."""

@@ -21,12 +21,12 @@ from mrwork.uncertainty.bands.predictions import predict
 
 def add_options(parser: CommandParser) -> None:
     """Declare the run, the tests to predict or those to leave out of its fit, and the observation."""
-    parser.description = (
-        "Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
-        "and write them into the run folder, where mrwork predict RUN --level uses them. A test with the motion and "
-        "command of a fitted one, such as its raw record or a repeated run, has been seen and is not used. Without "
-        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others; so are the "
-        "fastest, the slowest and the largest together, which says how far beyond the tests bands are known."
+    parser.describe(
+        "Bands are calibrated with the errors of the model on these tests and written into the run folder, where "
+        "mrwork predict RUN --level uses them. A test with the motion and command of a fitted one, such as its "
+        "raw record or a repeated run, has been seen and is not used. Without files, the tests of the run are "
+        "left out in turn, and each is predicted by a fit to the others; so are the fastest, the slowest and the "
+        "largest together, which says how far beyond the tests bands are known."
     )
     parser.epilog = examples("mrwork calibrate out/rig rig", "mrwork calibrate out/rig --leave-out motion")
     add_run(parser)

@@ -42,10 +42,10 @@ _NAMED = 3
 
 def add_options(parser: CommandParser) -> None:
     """Declare the folder of tests, the models to choose among, the seed and the run folder."""
-    parser.description = (
-        "From a folder of test records to a damper: read its table of tests, or make it and decide which motions are "
-        "kept for test; choose the model and its current laws; calibrate on the tests set aside; predict those kept "
-        "for test; write the page and its front. Where a person must be asked, it says what, and ends with status 2."
+    parser.describe(
+        "It reads the table of tests, or makes it and decides which motions are kept for test; chooses the model "
+        "and its current laws; calibrates on the tests set aside; predicts those kept for test; writes the page "
+        "and its front. Where a person must be asked, it says what, and ends with status 2."
     )
     parser.epilog = examples(
         "mrwork characterise rig --out out/damper",

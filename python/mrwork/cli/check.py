@@ -1,4 +1,4 @@
-"""`mrwork check`: the facts of a record and what its checks remark, without fitting."""
+"""`mrwork check`: facts of test records, or of the building of a study, and what checks remark."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summary
 from mrwork.base.table import Table
-from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
+from mrwork.cli.command_parser import OUTPUT, CommandParser, examples, given_options
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result, reading_line, show_results
@@ -28,11 +28,15 @@ from mrwork.store.input_file import is_folder
 
 def add_options(parser: CommandParser) -> None:
     """Declare the files, and the table of first guesses that `--table` writes."""
-    parser.description = (
-        "Read test records and report remarks: wrong signs, offsets, delays, smoothing, clipping, drift "
-        "and others."
+    parser.describe(
+        "Checks of records remark wrong signs, offsets, delays, smoothing, clipping, drift and others. Of a study "
+        "file masses, stiffnesses, periods, participation and effective modal masses of its building are printed."
     )
-    parser.epilog = examples("mrwork check rig", "mrwork check rig/10mm1Hz0A.csv --table guess.csv --json")
+    parser.epilog = examples(
+        "mrwork check rig",
+        "mrwork check rig/10mm1Hz0A.csv --table guess.csv --json",
+        "mrwork check study.toml --pushover",
+    )
     add_files(parser)
     parser.group(OUTPUT).add_argument(
         "--table",
@@ -43,11 +47,20 @@ def add_options(parser: CommandParser) -> None:
         help="write a table of the tests with a first guess of columns, units and commands, and with what is in doubt; "
         "default tests.csv beside the first record",
     )
+    pushover = (
+        "of a study file, push its building sideways in its first mode and print base shear and drifts over the "
+        "displacement of the roof"
+    )
+    parser.option("building", "--pushover", pushover, bool)
     end_parser(parser, run, quiet="")
 
 
 def run(options: argparse.Namespace) -> int:
     """Check every file; a file that cannot be read is reported, and the others are still checked."""
+    if any(Path(file).suffix.lower() == ".toml" for file in options.files):
+        return _check_building(options)
+    if options.pushover:
+        raise SettingError("--pushover is of the building of a study; give a STUDY.toml, or leave it out")
     if options.table is not None:
         return _write_table(options)
     reading = reading_of(options, EVERY_USE)
@@ -80,6 +93,27 @@ def run(options: argparse.Namespace) -> int:
         )
         show_results(options, facts, document=document)
     return 0 if len(tests) == len(rows) else 2
+
+
+def _check_building(options: argparse.Namespace) -> int:
+    """Print the facts of the building of a study, or what a push shows."""
+    others = [option for name, option in given_options(options).items() if name not in ("pushover", "json")]
+    if others or len(options.files) > 1:
+        what = f"{others[0]} is of test records" if others else "a study is checked alone"
+        raise SettingError(f"{what}; give the STUDY.toml with nothing else")
+    from mrwork.buildings.yielding import pushover
+    from mrwork.study.reading import read_bare_building
+    from mrwork.study.results import BuildingFacts
+
+    building = read_bare_building(options.files[0])
+    if options.pushover:
+        pushed = pushover(building)
+        print_result(options, pushed.document(), repr(pushed))
+        return 0
+    modal = {name: getattr(building, name).tolist() for name in ("effective_masses", "participation")}
+    facts = {**asdict(BuildingFacts.of(building)), **modal, "remarks": building.remarks}
+    print_result(options, facts, repr(building))
+    return 0
 
 
 def _write_table(options: argparse.Namespace) -> int:

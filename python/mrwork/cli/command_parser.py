@@ -149,10 +149,24 @@ class CommandParser(argparse.ArgumentParser):
             action=Collect if repeated else "store",
         )
 
+    def describe(self, more: str) -> None:
+        """Add to the description, which begins with the line of the verb in the help of all."""
+        self.description = f"{self.description} {more}"
+
     def group(self, title: str) -> argparse._ArgumentGroup:
         """The group of options with this title, which is made when it is first asked for."""
         made = next((group for group in self._action_groups if group.title == title), None)
         return made or self.add_argument_group(title)
+
+
+def given_options(options: argparse.Namespace) -> dict[str, str]:
+    """The options of a verb that are not as their defaults, each as it is typed, by its destination."""
+    actions = [action for action in options.parser._actions if action.option_strings]
+    return {
+        action.dest: action.option_strings[0]
+        for action in actions
+        if getattr(options, action.dest, action.default) != action.default
+    }
 
 
 def _is_option(word: str) -> bool:
@@ -177,6 +191,9 @@ class Collect(argparse.Action):
         option_string: str | None = None,
     ) -> None:
         """Add the values of one occurrence; a name that is given twice is refused."""
+        # What argparse gives where there is none of any number.
+        if value is self.default:
+            return
         before = getattr(namespace, self.dest)
         collected: Any = () if before is self.default else before
         for item in value if isinstance(value, list) else [value]:

@@ -11,30 +11,26 @@ from importlib import import_module
 from typing import TextIO
 
 from mrwork.cli.command_parser import CommandParser, VerbHelp
+from mrwork.cli.former_words import in_words_of_today
 from mrwork.cli.signals import StopSignals
 from mrwork.cli.terminal import note, show, show_all
 from mrwork.errors import MistakesError, MrworkError, MrworkWarning, reason_of
 
 _VERBS = {
-    "demo": "identify a damper from an embedded synthetic test",
-    "init": "write a sample: a rig's test records, or a study file",
-    "models": "list the damper models, or show one in full",
-    "check": "check test records without fitting",
-    "characterise": "from a folder of test records to a damper and its page",
-    "identify": "identify a damper model from test records",
-    "profile": "compute intervals of the parameters of a fit by profile likelihood",
-    "sample": "sample the posterior of the parameters of a fit",
+    "init": "write a sample to begin with: tests of a rig, or a study of a building, a car or a tower in wind",
+    "models": "list the damper models, show one in full, or convert parameters of Bouc-Wen",
+    "check": "check test records, or the building of a study, without fitting or simulating",
+    "characterise": "go from a folder of test records to a damper and its page",
+    "identify": "identify a damper model, and laws of its command, from test records",
+    "intervals": "compute intervals of the parameters of a fit, by profile likelihood or by draws",
     "calibrate": "calibrate prediction bands of a fit on tests that were not used for it",
     "predict": "simulate other tests with a fit and compare the force",
-    "report": "draw the page of a run again, and its figures as files",
     "plan": "rank possible next tests by the variance reduction of a band",
-    "respond": "simulate a building with MR dampers under earthquakes",
-    "tune": "tune control laws on training motions and judge them on test motions",
+    "respond": "simulate a building or a car with MR dampers under earthquakes, wind or on roads",
+    "tune": "tune control laws on training motions and judge them on test motions, or size dampers",
     "fragility": "find the intensity at which the arrangements of a study reach a limit",
-    "convert": "convert Bouc-Wen parameters between conventions",
-    "export": "write a run for MATLAB or OpenSees, or as a table",
-    "cite": "print what to cite for a run, as BibTeX",
-    "completion": "print the completion of commands for a shell",
+    "report": "draw the page of a run again, write its figures, or print what to cite",
+    "export": "write a run for MATLAB or OpenSees, as a table, or as C or an FMU for a rig",
 }
 
 
@@ -51,15 +47,18 @@ def parser(declared: Collection[str] = ()) -> CommandParser:
     root = CommandParser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records, and simulate buildings with them.",
-        epilog="mrwork help VERB describes a verb, with its options and examples; mrwork alone shows where to begin.",
+        epilog="mrwork help VERB describes a verb, with its options and examples; mrwork help study lists the keys of "
+        "a study file, mrwork help laws the control laws; mrwork alone shows where to begin.",
     )
     root.add_argument(
         "-V", "--version", action="store_true", help="show version and instruction sets, and exit"
     )
+    root.add_argument("--completion", choices=_SHELLS, metavar="SHELL", help=_COMPLETION)
     root.set_defaults(run=_show_tour)
     commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=CommandParser)
     for verb, purpose in _VERBS.items():
-        command = commands.add_parser(verb, help=purpose, formatter_class=VerbHelp)
+        described = f"{purpose[0].upper()}{purpose[1:]}."
+        command = commands.add_parser(verb, help=purpose, description=described, formatter_class=VerbHelp)
         if verb in declared:
             import_module(f"mrwork.cli.{verb}").add_options(command)
     return root
@@ -67,31 +66,53 @@ def parser(declared: Collection[str] = ()) -> CommandParser:
 
 TOUR = """\
 mrwork identifies models of magnetorheological dampers from
-test records, and simulates buildings with such dampers.
+test records, simulates buildings and cars with them, tunes
+their control laws, and prints both as C and FMUs.
 
 Try in an empty folder:
-  mrwork demo
+  mrwork identify synthetic:spencer1997 --out out/demo
   mrwork init rig rig
   mrwork characterise rig --out out/damper
-  mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig
+  mrwork export out/damper --target c --out damper
   mrwork init study study.toml
   mrwork respond study.toml
+  mrwork init car car
+  mrwork respond car/car.toml
 
-Each writes a page, report.html, and says where it lies.
+Runs write a page, report.html, and say where it lies.
 mrwork --help lists all verbs, mrwork VERB --help has the
-options of one with examples, mrwork models the damper models.
-mrwork completion SHELL completes commands in bash, zsh, fish."""
+options of one with examples, mrwork models the damper models,
+mrwork help study the keys of a study, mrwork help laws the
+control laws. mrwork --completion SHELL completes commands."""
+_SHELLS = ("bash", "zsh", "fish")
+_COMPLETION = (
+    "print the completion of commands for bash, zsh or fish, and exit. bash: write it to "
+    "~/.local/share/bash-completion/completions/mrwork. zsh: to a file _mrwork in a folder of fpath. fish: to "
+    "~/.config/fish/completions/mrwork.fish. It holds from the next shell on"
+)
 
 
 def _show_tour(options: argparse.Namespace) -> int:
-    """Print where to begin, or the version and the vector instructions: what a command line without a verb does."""
+    """Print where to begin, the version, or a completion: what a command line without a verb does."""
     text = TOUR
     if options.version:
         from mrwork import __version__
         from mrwork.dampers.simulation import instruction_set
 
         text = f"mrwork {__version__}\n{instruction_set()}"
+    elif options.completion is not None:
+        from mrwork.cli.completions import completion_script
+
+        text = completion_script(parser(verbs()), options.completion)
     show(text)
+    return 0
+
+
+def _show_topic(topic: str) -> int:
+    """Print the keys of a study file, or the control laws with their settings."""
+    from mrwork.study.schema import laws_text, schema_text
+
+    show(schema_text() if topic == "study" else laws_text())
     return 0
 
 
@@ -112,7 +133,10 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
 
 
 def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
+    arguments = in_words_of_today(arguments)
     if list(arguments[:1]) == ["help"]:
+        if list(arguments[1:]) in (["study"], ["laws"]):
+            return _show_topic(arguments[1])
         arguments = [*arguments[1:], "--help"]
     try:
         verb = [argument for argument in arguments if argument in _VERBS][:1]

@@ -17,16 +17,17 @@ from mrwork.runs.wanted import Target, Wanted
 
 def add_options(parser: CommandParser) -> None:
     """Declare the run, the format, the command and the accuracy of the exported damper, and the file."""
-    parser.description = (
-        "Write a run for another program, in SI. mat: parameters, laws, measured and simulated forces for MATLAB, "
-        "and every array of a study or a tuning, with units. opensees: a Bouc-Wen damper at one command as "
-        "materials of OpenSees, in Tcl, or for openseespy where FILE ends with .py. csv: of a fit the force over "
-        "velocity and command, of a study or a tuning its criteria or scores. c: the damper of a fit, or the "
-        "controller of a study file, in C99 for a rig or another simulation, in a folder after which it is named, with "
-        "a program that checks it. fmu: the same as units of FMI 2.0 and 3.0."
+    parser.describe(
+        "mat: parameters, laws, measured and simulated forces for MATLAB, and every array of a study or a tuning, "
+        "with units. opensees: a Bouc-Wen damper at one command as materials of OpenSees, in Tcl, or for "
+        "openseespy where FILE ends with .py. csv: of a fit the force over velocity and command, of a study or a "
+        "tuning its criteria or scores. c: the damper of a fit, or the controller of a study file, in C99 for a "
+        "rig or another simulation, in a folder after which it is named, with a program that checks it. fmu: the "
+        "same as units of FMI 2.0 and 3.0. All in SI."
     )
     parser.epilog = examples(
         "mrwork export out/rig --target opensees --command 0.5A --error 0.01",
+        "mrwork export out/damper --target c --out damper",
         "mrwork export study.toml --target c --law clipped_optimal --out controller",
     )
     parser.add_argument(

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 def add_options(parser: CommandParser) -> None:
     """Declare the run of a study, the limit with its level and dispersion, the rows, and the files."""
-    parser.description = (
-        "Find the intensity at which each arrangement of a study reaches a limit, lognormal over its records: median "
-        "with its band, dispersion, and what each law changes. The study has records at several levels, as pga or sa = "
-        '["0.1 g", "0.2 g"] of its [[motion]] tables, and best a design_level.'
+    parser.describe(
+        "Intensities are lognormal over the records of the study: median with its band, dispersion, and what each "
+        'law changes. The study has records at several levels, as pga or sa = ["0.1 g", "0.2 g"] of its '
+        "[[motion]] tables, and best a design_level."
     )
     parser.epilog = examples(
         "mrwork fragility out/ida --limit peak_drift_ratio=1%",

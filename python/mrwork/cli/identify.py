@@ -32,7 +32,7 @@ _AUTO, _LAWS = "auto", "current laws"
 
 def add_options(parser: CommandParser) -> None:
     """Declare the records, the model with its laws, bounds and ties, and the search of the fit."""
-    parser.description = "Identify one damper model from one or several tests of the same damper."
+    parser.describe("The tests are of one damper.")
     parser.epilog = examples(
         "mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig",
         "mrwork identify synthetic:spencer1997 --model dahl,normalised_bouc_wen",

@@ -33,11 +33,11 @@ _SAMPLES = files("mrwork.cli") / "samples"
 
 def add_options(parser: CommandParser) -> None:
     """Declare the sample and the place where it is written."""
-    parser.description = (
-        "Write a sample to begin with. rig: a folder with synthetic tests of a damper and their table, tests.csv, for "
-        "fit, calibration and test. study: a study of a building of three storeys, with a comment on every key. "
-        "car: a folder with a study of a quarter car on a random road and a bump. wind: a folder with a study of a "
-        "tower and a history of wind forces on its floors. Nothing that is there is replaced."
+    parser.describe(
+        "rig: a folder with synthetic tests of a damper and their table, tests.csv, for fit, calibration and "
+        "test. study: a study of a building of three storeys, with a comment on every key. car: a folder with a "
+        "study of a quarter car on a random road and a bump. wind: a folder with a study of a tower and a history "
+        "of wind forces on its floors. Nothing that is there is replaced."
     )
     parser.epilog = examples("mrwork init rig my_rig", "mrwork init study my_study.toml")
     parser.add_argument("sample", choices=get_args(Sample), metavar="SAMPLE", help="rig, study, car or wind")

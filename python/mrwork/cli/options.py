@@ -70,7 +70,7 @@ def end_parser(
     for option, help in flags.items():
         if help:
             parser.option(OUTPUT, option, help, bool)
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, parser=parser)
 
 
 @contextmanager

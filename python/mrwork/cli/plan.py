@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def add_options(parser: CommandParser) -> None:
     """Declare the run, the band to narrow, and the candidate tests with their limits."""
-    parser.description = "Rank sinusoidal tests by how much each would reduce the variance of a band."
+    parser.describe("The tests are sinusoids, and the band is that of a force that the fit predicts.")
     parser.epilog = examples(
         "mrwork plan out/demo",
         "mrwork plan out/rig --band k_w@1.2A --amplitudes 0.005,0.01 --frequencies 1,2 --currents 0.3,0.9",

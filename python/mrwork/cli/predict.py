@@ -16,12 +16,10 @@ from mrwork.uncertainty.bands.predictions import Predictions
 
 def add_options(parser: CommandParser) -> None:
     """Declare the run, the tests with their observation, and the level of the bands."""
-    parser.description = (
-        "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
-        "Tests with the motion and command of a fitted one are named as seen; the others of every call stand on the "
-        "page of RUN. "
-        "Where --law auto has found other sets of laws that predict nearly as well, within 1 point, a sentence says "
-        "how far they are apart where the tests end and between their commands."
+    parser.describe(
+        "Tests with the motion and command of a fitted one are named as seen; the others of every call stand on "
+        "the page of RUN. Where --law auto has found other sets of laws that predict nearly as well, within 1 "
+        "point, a sentence says how far they are apart where the tests end and between their commands."
     )
     parser.epilog = examples(
         "mrwork predict out/rig rig --level 0.9",

@@ -1,4 +1,4 @@
-"""`mrwork report`: the page of a run again, and its figures as files."""
+"""`mrwork report`: the page of a run again, its figures as files, and what to cite for it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import webbrowser
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from mrwork.base.progress import OnProgress
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.options import add_run, end_parser
-from mrwork.cli.output import drawing, print_json, told_remarks
+from mrwork.cli.output import drawing, print_json, print_result, told_remarks
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.report.options import EveryTest, Summary
@@ -25,22 +26,30 @@ if TYPE_CHECKING:
 
 def add_options(parser: CommandParser) -> None:
     """Declare the run, and which of its pages and figures are written or opened."""
-    parser.description = (
-        "Draw the page of a run again, with everything that its folder holds: of a fit, a study or a tuning."
+    parser.describe(
+        "A page is of a fit, a study or a tuning, with everything that the folder holds. Cited are the package, "
+        "models, control laws, methods and records."
     )
-    parser.epilog = examples("mrwork report out/demo --summary", "mrwork report out/demo --figures")
+    parser.epilog = examples(
+        "mrwork report out/demo --summary",
+        "mrwork report out/demo --figures",
+        "mrwork report out/demo --cite",
+    )
     add_run(parser)
     add_option_of(parser, Summary, "page", "summary")
     parser.option("page", "--open", "open it in the browser", bool)
     figures = "of a fit: also write every figure of the page as an SVG and a PNG file into RUN/figures"
     parser.option("page", "--figures", figures, bool)
     add_option_of(parser, EveryTest, "page", "every_test", "all-tests")
+    parser.option("citation", "--cite", "print what to cite for the run as BibTeX, and draw nothing", bool)
     end_parser(parser, run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the page, and the figures if requested; print where they are."""
     path = options.run_folder
+    if options.cite:
+        return _cite(options)
     kind = RunFolder.open(path).kind
     if kind is not FIT_RUN and (options.figures or options.every_test):
         option = "--figures" if options.figures else "--all-tests"
@@ -76,6 +85,17 @@ def run(options: argparse.Namespace) -> int:
         if options.open:
             _open(written[0])
     return status
+
+
+def _cite(options: argparse.Namespace) -> int:
+    """Print a BibTeX entry of each work, below what the run uses it for."""
+    from mrwork.runs.citations import citations
+
+    cited = citations(options.run_folder)
+    document = {"entries": [asdict(work) | {"used_for": reasons} for work, reasons in cited.items()]}
+    text = "\n\n".join(f"% {'; '.join(reasons)}\n{work.bibtex}" for work, reasons in cited.items())
+    print_result(options, document, text)
+    return 0
 
 
 def _open(page: Path) -> None:

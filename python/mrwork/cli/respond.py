@@ -11,8 +11,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
-from mrwork.cli.output import check_figure, print_result, progress_line, show_results, write_figure
-from mrwork.cli.terminal import note, show
+from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
 from mrwork.study.options import CheckStep
@@ -27,35 +26,14 @@ if TYPE_CHECKING:
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the study, the listings that replace its simulation, and what is simulated."""
-    parser.description = (
-        "Simulate a building with dampers and control laws under ground motions, as described in a study "
-        "file."
-    )
+    """Declare the study, and what of it is simulated."""
+    parser.describe("Building, dampers, control laws and motions are described in a study file.")
     parser.epilog = examples(
-        "mrwork respond study.toml", "mrwork respond study.toml --motions all --check-step --out out/checked"
+        "mrwork respond study.toml",
+        "mrwork respond car/car.toml",
+        "mrwork respond study.toml --motions all --check-step --out out/checked",
     )
-    parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
-    listings = {
-        "--schema": "print the keys of a study file and exit",
-        "--laws": "print the control laws with their settings and exit",
-        "--building": "print masses, stiffnesses, periods, participation and effective modal masses of the building "
-        "and exit",
-        "--pushover": "push the building sideways in its first mode, print base shear and drifts over the displacement "
-        "of the roof and exit",
-    }
-    for option, says in listings.items():
-        parser.option("listings", option, says, bool)
-    parser.option(
-        "listings",
-        "--size",
-        "find the least dampers that keep the limit of the study, report.limit or drift_limit of its building: with "
-        "count as many in each [[damper]], or of the viscous or tuned_mass of a [[baseline]], with storey a count of "
-        "each; print them and exit",
-        choices=("count", "storey"),
-    )
-    says = "with --size, draw the criterion over the number of dampers, as an .svg or a .png file"
-    parser.option("listings", "--figure", says, named_path, metavar="FILE")
+    parser.add_argument("study", type=named_path, metavar="STUDY.toml", help="study file")
     parser.option(
         "simulation",
         "--motions",
@@ -84,35 +62,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, write the folder, print the result."""
-    if options.schema or options.laws:
-        if options.json:
-            raise SettingError("--schema and --laws print text; leave --json out")
-        from mrwork.study.schema import laws_text, schema_text
-
-        show(schema_text() if options.schema else laws_text())
-        return 0
-    if options.study is None:
-        raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
-    if options.building or options.pushover:
-        from mrwork.buildings.yielding import pushover
-        from mrwork.study.reading import read_bare_building
-        from mrwork.study.results import BuildingFacts
-
-        building = read_bare_building(options.study)
-        if options.pushover:
-            pushed = pushover(building)
-            print_result(options, pushed.document(), repr(pushed))
-            return 0
-        modal = {name: getattr(building, name).tolist() for name in ("effective_masses", "participation")}
-        facts = {**asdict(BuildingFacts.of(building)), **modal, "remarks": building.remarks}
-        print_result(options, facts, repr(building))
-        return 0
-    if options.size is not None:
-        return _find_counts(options)
-    if options.figure is not None:
-        raise SettingError(
-            "--figure draws what --size finds; leave it out, the page has the figures of a study"
-        )
     from mrwork.cli.study_text import run_on_study
 
     return run_on_study(
@@ -123,37 +72,6 @@ def run(options: argparse.Namespace) -> int:
         partial(_verb, options),
         use=options.motions,
     )
-
-
-def _find_counts(options: argparse.Namespace) -> int:
-    if options.figure is not None:
-        check_figure(options.figure)
-    from mrwork.runs.study import read_study
-    from mrwork.study.least_counts import damper_counts
-
-    study = read_study(options.study, seed=options.seed, on_python=note)
-    study = study if options.motions == "all" else study.of_use(options.motions)
-    with progress_line(options) as line:
-        counts = damper_counts(
-            study,
-            by="uniform" if options.size == "count" else "storey",
-            on_progress=line,
-            threads=options.threads,
-        )
-    drawn: dict[str, str] = {}
-    if options.figure is not None:
-        drawn = {"figure": str(options.figure)}
-        from mrwork.plots import style
-        from mrwork.plots.canvas import column_axes
-        from mrwork.plots.of_studies import damper_counts as figure_of
-
-        with style.drawn_in_style():
-            figure, axes = column_axes()
-            figure_of(counts, axes)
-        write_figure(options.figure, figure)
-    below = [f"Figure: {path}" for path in drawn.values()]
-    show_results(options, counts, document=counts.document() | drawn, below=below)
-    return 0
 
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:

@@ -144,7 +144,7 @@ def profiles(
     """
     if isinstance(result, StoredRun):
         if result.profiles is None:
-            raise _absent(result, "profile likelihoods", "profile", "draw `mr.profile(fit, tests)`")
+            raise _absent(result, "profile likelihoods", "intervals", "draw `mr.profile(fit, tests)`")
         result = result.profiles
     several = (result,) if isinstance(result, Profile) else result.profiles
     asked = all_chosen(parameters, (profile.name for profile in several), "profiled parameter")
@@ -292,7 +292,7 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     if isinstance(result, StoredRun):
         fitted = {estimate.name: estimate.value for estimate in result.fit.estimates}
         if result.draws is None:
-            raise _absent(result, "posterior", "sample", "draw `mr.sample(fit, tests)`")
+            raise _absent(result, "posterior", "intervals --posterior", "draw `mr.sample(fit, tests)`")
         result = result.draws
     asked = all_chosen(parameters, (summary.name for summary in result.varied), "parameter that varied")
     drawn = [result.varied[number] for number in asked]

@@ -34,7 +34,7 @@ class Reference:
         return "\n".join([f"@{self.kind}{{{self.key},", *lines, "}"])
 
 
-def citations(folder: Path | None) -> dict[Reference, tuple[str, ...]]:
+def citations(folder: Path) -> dict[Reference, tuple[str, ...]]:
     """What to cite for a run, and for what: the package, models, control laws, methods and records, each work once."""
     from mrwork import __version__
 
@@ -45,7 +45,7 @@ def citations(folder: Path | None) -> dict[Reference, tuple[str, ...]]:
     }
     cited: dict[str, tuple[Reference, list[str]]] = {}
     parts = [("mrwork", Reference(key="mrwork", kind="software", fields=package))]
-    for reason, work in [*parts, *([] if folder is None else _parts(folder))]:
+    for reason, work in [*parts, *_parts(folder)]:
         cited.setdefault(work.key, (work, []))[1].append(reason)
     return {work: tuple(reasons) for work, reasons in cited.values()}
 

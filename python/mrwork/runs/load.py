@@ -44,7 +44,7 @@ class StoredRun(Plotted, Summarised):
     """Contents of the run folder at `place`; `None` for what no verb has added.
 
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
-    free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
+    free parameter. `draws` and `profiles` are of `mrwork intervals`, `bands` of `mrwork calibrate`,
     `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models or `--law auto`, and `held_out` the
     tests that `mrwork predict` has predicted and neither the fit nor its calibration has seen.
     """
@@ -186,7 +186,7 @@ def read_run(place: Path) -> Fit | StudyResults:
 
 def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
     """The run of a `fit` that has been read from a folder, with what later verbs have added."""
-    draws, profiles = read_draws(run, fit), run.read(Profiles, PROFILES, verb="profile")
+    draws, profiles = read_draws(run, fit), run.read(Profiles, PROFILES, verb="intervals")
     # Intervals of converged draws, else of finished profiles of every free parameter.
     if draws is not None and draws.status == "converged":
         fit = fit.with_intervals(draws.summaries)

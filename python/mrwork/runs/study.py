@@ -121,7 +121,7 @@ def study_of(
 ) -> Study:
     """Make a study, of the same tables as a study file has, see `read_study`.
 
-    A table is a dict with the keys of its table in a file, which ``mrwork respond --schema`` lists. Numbers are in SI,
+    A table is a dict with the keys of its table in a file, which ``mrwork help study`` lists. Numbers are in SI,
     or texts with a unit as ``"2 mm"``; arrays may stand for rows of numbers.
 
     Parameters

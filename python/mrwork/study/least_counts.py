@@ -113,7 +113,7 @@ class DamperCounts(Plotted, Summarised):
         return (_KEPT_BARE.remark(measured=measured),) if self.bare <= self.limit else ()
 
     def document(self) -> dict[str, Any]:
-        """What `mrwork respond --size --json` prints."""
+        """What `mrwork tune --size --json` prints."""
         return asdict(self) | named(self, "remarks")
 
     def _summary(self) -> Summary:

@@ -80,9 +80,12 @@ def realisations_of(
         fit = fitted_of(damper, folder, identified)
         draws = fit.draws()
         if draws is None:
-            run, remedy = "a fit", "give the folder of its run with the draws that mrwork sample adds"
+            run, remedy = (
+                "a fit",
+                "give the folder of its run with the draws that mrwork intervals --posterior adds",
+            )
             if isinstance(damper.run, str):
-                run, remedy = damper.run, f"run mrwork sample {damper.run} first"
+                run, remedy = damper.run, f"run mrwork intervals {damper.run} --posterior first"
             raise InvalidSettingError(
                 ("damper", number, "run"),
                 f"{run} has no posterior draws, and [uncertainty] asks for them; {remedy}, or set damper = false there",

@@ -126,7 +126,8 @@ class UncertaintyTable:
 
     realisations: int = key("number of realisations", default=16, least=1, most=10_000)
     damper: bool = key(
-        "whether the parameters of identified dampers are drawn from the posterior of their run, of mrwork sample",
+        "whether the parameters of identified dampers are drawn from the posterior of their run, of mrwork intervals "
+        "--posterior",
         default=True,
     )
     stiffness: _Part = key(
@@ -144,7 +145,7 @@ class TuneTable(Stated):
     A candidate is scored by the mean of its criteria over i = 0, under each motion and realisation; the risk
     takes one number of all these. With `relative_to = "best_passive"` and `combine = "largest"` a score below 1 says
     that the law is better than the best constant command in every criterion. Without `free`, each law has its own free
-    settings with their ranges, see `mrwork respond --laws`, and the largest command of the law is one of them.
+    settings with their ranges, see `mrwork help laws`, and the largest command of the law is one of them.
     """
 
     _made_by: ClassVar[str] = "mr.study.TuneTable(laws=...)"
@@ -425,7 +426,7 @@ class LawFileTable(Stated):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerTable(Stated):
-    """A control law; `mrwork respond --laws` lists them with their settings.
+    """A control law; `mrwork help laws` lists them with their settings.
 
     The building without dampers and i = 0 are always simulated, and so is `best_passive`, the constant command with the
     lowest score, unless `references` is none; where different dampers follow commands, also `best_passive_by_group`.
@@ -835,7 +836,7 @@ class StudyTable:
 
 
 def schema_text() -> str:
-    """Every table with its keys, their meanings, units and defaults, for `mrwork respond --schema`."""
+    """Every table with its keys, their meanings, units and defaults, for `mrwork help study`."""
     return "\n\n".join(
         "\n".join([*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(keys_in_words(kind))])
         for heading, kind in tables(StudyTable)
@@ -843,7 +844,7 @@ def schema_text() -> str:
 
 
 def laws_text() -> str:
-    """Every control law with its equation, source and settings, for `mrwork respond --laws`.
+    """Every control law with its equation, source and settings, for `mrwork help laws`.
 
     What several laws have stands once, below.
     """

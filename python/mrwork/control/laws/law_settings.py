@@ -185,7 +185,7 @@ def design_law(
     problem
         The building, its devices and the sample time of the loop.
     settings
-        Settings of the law, of the class in `SETTINGS`, or their values by name, in SI; `mrwork respond --laws` lists
+        Settings of the law, of the class in `SETTINGS`, or their values by name, in SI; `mrwork help laws` lists
         them.
 
     Raises

@@ -230,7 +230,10 @@ def _advice(run: StoredRun) -> tuple[str, ...]:
         (bool(between), f"Test at a command between {between}: no test shows the laws there."),
         (bands is None, "`mrwork calibrate RUN TESTS`: the error on other tests, and bands."),
         (is_untested, "`mrwork predict RUN TESTS --level 0.9` with tests kept for test."),
-        (run.draws is None and run.profiles is None, "`mrwork profile RUN`: an interval of each parameter."),
+        (
+            run.draws is None and run.profiles is None,
+            "`mrwork intervals RUN`: an interval of each parameter.",
+        ),
         (run.plan is None, "`mrwork plan RUN`: the next test that narrows a band most."),
         (True, 'In a study of a building: `run = "RUN"` of its `[[damper]]`.'),
     )

@@ -68,13 +68,13 @@ _LATER = (
     (
         "profiles",
         "Profile likelihood",
-        "mrwork profile RUN",
+        "mrwork intervals RUN",
         "computes an interval of each parameter by profile likelihood, open where the data set no bound.",
     ),
     (
         "draws",
         "Posterior",
-        "mrwork sample RUN",
+        "mrwork intervals RUN --posterior",
         "samples the posterior of the parameters: credible intervals, and pairs that the data cannot distinguish.",
     ),
     (

@@ -329,7 +329,7 @@ class Draws(Plotted, WithAxes, Summarised):
         )
 
     def document(self) -> dict[str, Any]:
-        """What `mrwork sample --json` prints."""
+        """What `mrwork intervals --posterior --json` prints."""
         return {
             "model": self.model,
             "noise": self.noise_model,
@@ -393,7 +393,7 @@ def _pile_up(chain: Floats, bounds: tuple[float, float], width: float) -> tuple[
     return bool(first - bounds[0] < 0.02 * width), bool(bounds[1] - last < 0.02 * width)
 
 
-_VERB = "sample"
+_VERB = "intervals --posterior"
 
 
 def draws_content(draws: Draws) -> bytes:
@@ -415,7 +415,7 @@ def read_draws(run: RunFolder, fit: Fit) -> Draws | None:
         return None
     with run.explained(DRAWS, verb=_VERB):
         path = run.path / DRAWS
-        return _draws(members_of(content, path, remedy=f"run `mrwork sample {run.path}` again"), fit)
+        return _draws(members_of(content, path, remedy=f"run `mrwork {_VERB} {run.path}` again"), fit)
 
 
 def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:

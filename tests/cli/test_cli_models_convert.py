@@ -1,4 +1,4 @@
-"""`mrwork convert`: every pair of conventions."""
+"""`mrwork models ... --to`: every pair of conventions."""
 
 import json
 
@@ -12,7 +12,7 @@ SPENCER = ["c0=5000", "k0=2500", "alpha=88e3", "gamma=1e6", "beta=5e5", "A=120",
 
 
 def parameters(*words: str) -> dict[str, float]:
-    found: dict[str, float] = json.loads(printed("convert", *words, "--json"))["parameters"]
+    found: dict[str, float] = json.loads(printed("models", *words, "--json"))["parameters"]
     return found
 
 
@@ -31,7 +31,7 @@ def test_a_tour_of_the_conventions_ends_where_it_began() -> None:
 
 
 def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it() -> None:
-    text = printed("convert", "spencer", *SPENCER, "--to", "opensees")
+    text = printed("models", "spencer", *SPENCER, "--to", "opensees")
     material, dashpot = (line.split() for line in text.splitlines() if line.startswith("uniaxialMaterial"))
     assert material[1] == "BoucWen"
     # Spencer's beta is OpenSees' gamma: the smaller of the two stands first.
@@ -45,8 +45,10 @@ def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it() -> None
     [
         (["spencer", *SPENCER, "--to", "normalised", "--error", "0.01"], "--error is of the solver"),
         (["spencer", *SPENCER[1:-1], "--to", "normalised"], "also needs n"),
+        (["spencer", *SPENCER], "give --to spencer"),
+        (["bouc_wen", *SPENCER, "--to", "normalised"], "the convention of the values is 'bouc_wen'"),
         (["normalised", "k_w=1", "rho=0", "sigma=1", "n=1", "--to", "spencer"], "rho is 0"),
     ],
 )
 def test_what_cannot_be_converted_is_refused(words: list[str], word: str) -> None:
-    command_refusal("convert", *words, match=word)
+    command_refusal("models", *words, match=word)
