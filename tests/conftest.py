@@ -33,7 +33,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_collection_finish() -> None:
-    """Eleven thousand tests live as long as the process: nobody looks through them for garbage."""
+    """Tests live as long as the process: nobody looks through them for garbage."""
     gc.collect()
     gc.freeze()
 
