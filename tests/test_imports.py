@@ -20,7 +20,7 @@ HOMES = {
     ("jax", "equinox", "optimistix"): (
         "twins",
         "identification.minimise.by_optimistix",
-        "identification.traced",
+        "identification.traced_objective",
         "identification.traced_twin",
         "jax.traced_loop",
         "tuning.traced_score",

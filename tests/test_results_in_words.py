@@ -9,7 +9,7 @@ import study_samples
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.report.fit.parameters import caution  # the one sentence of the page on standard errors
+from mrwork.report.fit.parameter_sections import caution  # the one sentence of the page on standard errors
 from mrwork.search import EfficientGA, StopRules, run_search
 from mrwork.search.rules import ended_in_words
 

@@ -16,7 +16,7 @@ ResultT = TypeVar("ResultT")
 ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 # Characters of a sentence: its place stands at the beginning, what to do at the end.
-_LONGEST = 2000
+_LONGEST_SENTENCE = 2000
 # Mistakes of a document that are listed, and characters of each.
 _MOST_LISTED = 20
 _LONGEST_LISTED = 500
@@ -98,7 +98,7 @@ class MrworkWarning(UserWarning):
         return _in_one_line(super().__str__())
 
 
-def _in_one_line(sentence: str, longest: int = _LONGEST) -> str:
+def _in_one_line(sentence: str, longest: int = _LONGEST_SENTENCE) -> str:
     text = escape_text(sentence)
     return text if len(text) <= longest else f"{text[: longest // 2]} … {text[3 - longest // 2 :]}"
 

@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork import _rust
-from mrwork.base.effects import effect_of, with_numpy
 from mrwork.base.recording import MOST_OPERATIONS, NUMBERS, NotRecordedError, Recording
+from mrwork.base.side_effects import effect_of, with_numpy
 from mrwork.base.tape import tape_of
 from mrwork.base.traced import Traced, bare, inputs
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.dampers.spec import with_changed_laws
+from mrwork.dampers.spec import with_other_dependences
 from mrwork.errors import SettingError
 
 FRAME = mr.buildings.shear_building(masses=[120.0, 120.0], stiffnesses=[250e3, 250e3])
@@ -30,7 +30,7 @@ def test_a_lag_is_that_of_the_table_of_a_study() -> None:
     table = {"storey": 1, "preset": "kwok2006", "lag": 190.0}
     motion = mr.synthetic_motion(duration=1.0)
     (wanted,) = mr.study_of(building=FRAME, dampers=[table], motions=[motion]).devices
-    spec = with_changed_laws(wanted.spec, lag="none")
+    spec = with_other_dependences(wanted.spec, lag="none")
     plain = np.asarray(wanted.theta)[..., :-1]
     facts = {"name": "a", "row": ROW, "largest_command": 1.0}
     made = mr.Device(spec=spec, theta=plain, lag=190.0, **facts)

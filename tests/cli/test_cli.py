@@ -15,10 +15,10 @@ from verb_folders import COMMANDS, written_record
 
 import mrwork as mr
 from mrwork.base.hints import Says, nodes_of, note_of
-from mrwork.cli.numbers import Range
+from mrwork.cli.number_texts import Range
 from mrwork.plots.of_tests import nominal_loops
-from mrwork.runs.export import export
-from mrwork.runs.study import read_study
+from mrwork.runs.exported import export
+from mrwork.runs.read_study import read_study
 from mrwork.study.fragilities import fragility
 
 FAST = ["--generations", "3", "--quiet"]

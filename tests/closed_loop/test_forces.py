@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import mrwork as mr
 from mrwork.motions import GroundMotion, force_motion
-from mrwork.motions.ground_motion import likeness
+from mrwork.motions.ground_motion import correlation_of_motions
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -276,8 +276,8 @@ def test_processing_keeps_forces_with_their_samples() -> None:
     assert wind().remarks == ()
     gusts = wind()
     turned = replace(gusts, forces=gusts.forces[::-1])
-    assert likeness(gusts, mr.motions.scaled(gusts, -2.0)) == pytest.approx(1.0)
-    assert likeness(gusts, turned) < 0.9
+    assert correlation_of_motions(gusts, mr.motions.scaled(gusts, -2.0)) == pytest.approx(1.0)
+    assert correlation_of_motions(gusts, turned) < 0.9
     assert "5 floors" not in str(motion)
     assert "peak of the forces" in str(motion)
 

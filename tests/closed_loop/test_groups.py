@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.buildings.groups import groups_of
+from mrwork.buildings.groups import device_groups
 from mrwork.dampers.parameters import DRIVER_RATES, Lag
 
 PLAIN = mr.damper("bingham")
@@ -93,7 +93,7 @@ def test_the_order_of_groups_changes_nothing() -> None:
 def test_neighbours_of_one_model_are_a_group() -> None:
     first, second = devices(rd1005())
     third = bingham_and_dahl()[0]
-    assert groups_of([first, second, third, first]) == [[0, 1], [2], [3]]
+    assert device_groups([first, second, third, first]) == [[0, 1], [2], [3]]
 
 
 def bingham_and_dahl() -> tuple[Device, Device]:

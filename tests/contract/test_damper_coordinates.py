@@ -15,7 +15,7 @@ from examples import examples
 from hypothesis import given
 from refusals import refusal
 
-import mrwork.twins.models  # noqa: F401  (sets double precision)
+import mrwork.twins.model_twins  # noqa: F401  (sets double precision)
 from mrwork.dampers import Box, damper_models
 
 SIDE_BY_SIDE = replace(

@@ -10,11 +10,11 @@ from refusals import refusal
 
 from mrwork import _rust
 from mrwork.dampers import damper
-from mrwork.dampers.laws import CurrentLaws, named_laws
+from mrwork.dampers.dependence import CurrentLaws, named_dependences
 from mrwork.dampers.parameters import DRIVER_RATES
 from mrwork.dampers.simulation import Loading, Outcome, simulate_force, simulate_forces
 from mrwork.store import codec
-from mrwork.twins.models import parameters_at
+from mrwork.twins.model_twins import parameters_at
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.stepping import simulate
 
@@ -212,13 +212,13 @@ def test_a_command_in_the_other_unit_and_laws_that_are_none_are_refused(spec):
 
 
 def test_named_laws_are_those_of_the_core_in_the_order_of_their_degree():
-    assert [(str(law), law.n_coefficients, law.degree) for law in named_laws()] == _rust.current_laws()
+    assert [(str(law), law.n_coefficients, law.degree) for law in named_dependences()] == _rust.current_laws()
 
 
 def test_a_law_is_a_special_case_of_those_that_contain_it():
     raised = {
-        str(law): [str(other) for other in named_laws() if law.is_special_case_of(other)]
-        for law in named_laws()
+        str(law): [str(other) for other in named_dependences() if law.is_special_case_of(other)]
+        for law in named_dependences()
     }
     assert raised == {
         "constant": ["linear", "quadratic", "cubic", "exponential"],

@@ -11,7 +11,7 @@ from refusals import refusal
 from mrwork.dampers import damper, damper_models
 from mrwork.dampers.simulation import simulate_force
 from mrwork.dampers.spec import published_sets
-from mrwork.twins.models import parameters_at
+from mrwork.twins.model_twins import parameters_at
 
 
 def presets():

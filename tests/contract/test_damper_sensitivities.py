@@ -12,7 +12,7 @@ from test_damper_current_laws import followed, stepped_command, theta_of, with_l
 from test_damper_twin import OF_STATES
 
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
-from mrwork.twins.models import parameters_at
+from mrwork.twins.model_twins import parameters_at
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.stepping import simulate
 

@@ -9,7 +9,7 @@ from damper_samples import DT, noise, random_theta
 from mrwork import _rust
 from mrwork.dampers import damper_models
 from mrwork.dampers.simulation import Loading, simulate_forces, simulate_sensitivities
-from mrwork.twins.models import twin_of
+from mrwork.twins.model_twins import twin_of
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.stepping import simulate
 

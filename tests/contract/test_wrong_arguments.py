@@ -19,8 +19,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from mrwork.base.arguments import Refusal, accept, in_words
-from mrwork.base.hints import Node, nodes_of
+from mrwork.base.arguments import Refusal, accept, hint_in_words
+from mrwork.base.hints import Hint, nodes_of
 from mrwork.errors import ArgumentError, MistakesError, MrworkError
 from tests.contract import valid_calls_dampers, valid_calls_fits, valid_calls_loop
 from tests.contract.wrong_arguments import Calls, Nothing, ValidCall, wrong
@@ -105,9 +105,9 @@ def built() -> Iterator[tuple[str, Any]]:
     yield from (data[short] for short in sorted(found))
 
 
-def checked_parameters(target: Any) -> dict[str, Node]:
+def checked_parameters(target: Any) -> dict[str, Hint]:
     """Those of the parameters that are checked against their annotation."""
-    return {name: node for name, node in nodes_of(target).items() if in_words(node) != "anything"}
+    return {name: node for name, node in nodes_of(target).items() if hint_in_words(node) != "anything"}
 
 
 PUBLIC = [
@@ -124,7 +124,7 @@ def called(target: Any, name: str, value: object) -> None:
     target(*([None] if first in ("self", "cls") else []), **{name: value})
 
 
-def excludes(node: Node | None, value: Any) -> bool:
+def excludes(node: Hint | None, value: Any) -> bool:
     try:
         if node is not None:
             accept(node, value)
@@ -144,7 +144,7 @@ ODD = (
 def test_what_an_annotation_excludes_is_refused_with_the_argument_and_a_remedy(target: Any) -> None:
     for name, node in nodes_of(target).items():
         parameter = inspect.signature(target).parameters[name]
-        if in_words(node) == "anything":
+        if hint_in_words(node) == "anything":
             assert UNCHECKED.search(str(parameter.annotation)), f"{name} takes anything and does not say so"
             continue
         finite = (
@@ -191,12 +191,12 @@ def soon() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def checked_kinds(function: Any) -> dict[str, Node]:
+def checked_kinds(function: Any) -> dict[str, Hint]:
     checks = vars(function)["__init__"] if isinstance(function, type) else function
     return checked_parameters(function) if hasattr(checks, "__wrapped__") else {}
 
 
-def complaint(valid: ValidCall, argument: str, value: Any, node: Node | None) -> str:
+def complaint(valid: ValidCall, argument: str, value: Any, node: Hint | None) -> str:
     """What is wrong with how the call ends that has another value of an argument; empty where nothing is."""
     excluded = excludes(node, value)
     try:

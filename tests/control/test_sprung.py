@@ -11,7 +11,7 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.base.values import Floats
 from mrwork.closed_loop import LoopSample, UserLaw
-from mrwork.study.study import fingerprint_of
+from mrwork.study.study import study_fingerprint
 
 HARDWARE = mr.Hardware(sample_time=1e-3)
 
@@ -116,9 +116,9 @@ def test_a_study_names_the_sprung_mass(tmp_path: Path) -> None:
     read = mr.read_study(study(tmp_path, skyhook))
     np.testing.assert_array_equal(read.devices[0].sprung, [0.0, 1.0])
     plain = mr.read_study(study(tmp_path, skyhook, ""))
-    assert fingerprint_of(read) != fingerprint_of(plain)
+    assert study_fingerprint(read) != study_fingerprint(plain)
     again = mr.read_study(read.to_toml(tmp_path / "again.toml"))
-    assert fingerprint_of(again) == fingerprint_of(read)
+    assert study_fingerprint(again) == study_fingerprint(read)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from opensees_bouc_wen import force_in_opensees
 from refusals import refusal
 from scipy.integrate import solve_ivp
 
-import mrwork.twins.models  # noqa: F401  (sets double precision)
+import mrwork.twins.model_twins  # noqa: F401  (sets double precision)
 from mrwork.base.remark import Measured
 from mrwork.dampers import (
     OpenSeesBoucWen,

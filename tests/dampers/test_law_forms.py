@@ -13,18 +13,18 @@ from refusals import refusal
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
-from mrwork.dampers.laws import (
+from mrwork.dampers.dependence import (
     LAWS_AT_COMMANDS,
     SATURATING_FORMS,
-    CommandLaw,
-    law_of,
-    law_through,
-    named_laws,
+    Dependence,
+    dependence_of,
+    dependence_through,
+    named_dependences,
 )
 from mrwork.dampers.simulation import Loading, simulate_force, simulate_sensitivities
 from mrwork.dampers.spec import law_values
-from mrwork.identification.equivalent import fitted_laws, with_other_laws
-from mrwork.twins.models import parameters_at
+from mrwork.identification.equivalent import fitted_coefficients, in_other_dependences
+from mrwork.twins.model_twins import parameters_at
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 NODES = [0.0, 0.3, 1.0, 1.2, 2.0, 2.5, 4.0, 5.0]
@@ -34,14 +34,14 @@ VALUES = st.lists(POSITIVE, min_size=2, max_size=8)
 RISES = st.floats(0.05, 20.0)
 FORMS = ("monotone:0,0.4,1,1.5", "tanh:0,1.5", "tanh:0.5,1.5", "exponential:0,1.5", "exponential:0.5,1.5")
 EVERY = [
-    *map(str, named_laws()),
+    *map(str, named_dependences()),
     *FORMS,
     *(f"{name}:0,0.4,1.5" for name in ("quadratic", "log_quadratic", "straight", "straight_log")),
 ]
 
 
-def monotone(values: Sequence[float]) -> CommandLaw:
-    return law_through(NODES[: len(values)], "monotone")
+def monotone(values: Sequence[float]) -> Dependence:
+    return dependence_through(NODES[: len(values)], "monotone")
 
 
 @examples(100)
@@ -99,7 +99,7 @@ def equation(
 def test_a_saturating_law_is_its_equation(
     form: str, ends: tuple[float, float], rise: float, first: float
 ) -> None:
-    law = law_of(f"{form}:{first},1.5")
+    law = dependence_of(f"{form}:{first},1.5")
     rate = rise / (1.5 - first)
     command = np.linspace(first, 3.0, 13)
     found = law.values(np.array([*ends, rate]), command)
@@ -109,7 +109,7 @@ def test_a_saturating_law_is_its_equation(
 
 @pytest.mark.parametrize("form", SATURATING_FORMS)
 def test_a_small_rate_is_the_straight_line_and_loses_no_digits(form: str) -> None:
-    law, command = law_of(f"{form}:0,1.5"), np.linspace(0.0, 2.0, 9)
+    law, command = dependence_of(f"{form}:0,1.5"), np.linspace(0.0, 2.0, 9)
     straight = 10.0 + 20.0 * command / 1.5
     for rate in (1e-4, 1e-8, 1e-12):
         off = np.abs(law.values(np.array([10.0, 30.0, rate]), command) - straight)
@@ -119,7 +119,7 @@ def test_a_small_rate_is_the_straight_line_and_loses_no_digits(form: str) -> Non
 
 def test_a_saturated_law_far_below_its_commands_stays_a_number() -> None:
     for form in SATURATING_FORMS:
-        law = law_of(f"{form}:100,101")
+        law = dependence_of(f"{form}:100,101")
         assert np.isfinite(law.values((5.0, 5.0, 20.0), np.array([0.0, 100.0, 1e3]))).all()
 
 
@@ -127,7 +127,7 @@ def test_a_saturated_law_far_below_its_commands_stays_a_number() -> None:
 @examples(20)
 @given(data=st.data())
 def test_slopes_are_those_of_finite_differences(name: str, data: st.DataObject) -> None:
-    law = law_of(name)
+    law = dependence_of(name)
     shares = st.lists(st.floats(0.5, 2.0), min_size=law.n_coefficients, max_size=law.n_coefficients)
     # Rising values: where two are equal, or turn, the slopes of monotone cubics have a kink.
     rows = np.cumsum([data.draw(shares) for _ in range(2)], axis=1).T
@@ -149,7 +149,7 @@ OTHERS = {"rho": 2000.0, "f0": 0.0}
 MOTION = {"dt": 0.01, "displacement": np.linspace(0.0, 0.5, 40)}
 
 
-def dahl(law: CommandLaw) -> mr.DamperSpec:
+def dahl(law: Dependence) -> mr.DamperSpec:
     return mr.damper("dahl").with_current_laws({"k_w": law}, unit="A")
 
 
@@ -159,7 +159,7 @@ def dahl(law: CommandLaw) -> mr.DamperSpec:
 def test_core_numpy_and_jax_have_the_same_values(
     name: str, data: st.DataObject, command: float, rise: float
 ) -> None:
-    law = law_of(name)
+    law = dependence_of(name)
     coefficients = data.draw(st.lists(POSITIVE, min_size=law.n_coefficients, max_size=law.n_coefficients))
     if law.saturates:
         coefficients[-1] = rise / (law.nodes[1] - law.nodes[0])
@@ -177,7 +177,7 @@ def test_core_numpy_and_jax_have_the_same_values(
 @pytest.mark.parametrize("name", FORMS)
 @pytest.mark.parametrize("command", [0.7, 1.9])
 def test_the_core_has_the_slopes_of_the_law(name: str, command: float) -> None:
-    law = law_of(name)
+    law = dependence_of(name)
     coefficients = np.array([100.0, 250.0, 300.0, 320.0])[: law.n_coefficients]
     if law.saturates:
         coefficients[-1] = 1.3
@@ -201,7 +201,7 @@ def test_the_nearest_saturating_law_to_one_is_that_one(
 ) -> None:
     assume(abs(ends[1] - ends[0]) > 0.1 * max(ends))
     assume(min(ends) > 1e-2 * max(ends))
-    law, commands = law_of(f"{form}:0,1.5"), np.array([0.0, 0.25, 0.5, 1.0, 1.5])
+    law, commands = dependence_of(f"{form}:0,1.5"), np.array([0.0, 0.25, 0.5, 1.0, 1.5])
     column = law.values((*ends, rise / 1.5), commands)
     found = law.through(mr.damper("dahl").plain[0], commands, column)
     np.testing.assert_allclose(law.values(found, commands), column, atol=1e-6 * max(ends))
@@ -210,7 +210,7 @@ def test_the_nearest_saturating_law_to_one_is_that_one(
 
 @pytest.mark.parametrize("name", FORMS)
 def test_a_rescaled_command_is_the_law_there(name: str) -> None:
-    law = law_of(name)
+    law = dependence_of(name)
     rows = np.array([[100.0, 300.0, 400.0, 420.0], [90.0, 310.0, 405.0, 430.0]])[:, : law.n_coefficients]
     if law.saturates:
         rows[:, -1] = [0.8, 2.0]
@@ -224,10 +224,10 @@ def test_a_rescaled_command_is_the_law_there(name: str) -> None:
 def test_a_law_of_constant_values_is_constant_whatever_its_rate() -> None:
     spec = mr.damper("dahl").with_current_laws({"k_w": "tanh:0,1.5"})
     commands = np.array([0.0, 0.5, 1.5])
-    theta = fitted_laws(spec, commands, np.tile([7.0, *OTHERS.values()], (3, 1)))
+    theta = fitted_coefficients(spec, commands, np.tile([7.0, *OTHERS.values()], (3, 1)))
     assert theta[:3].tolist() == pytest.approx([7.0, 7.0, 1.0 / 1.5])
     other = mr.damper("dahl").with_current_laws({"k_w": "monotone:0,0.5,1.5"})
-    assert with_other_laws(spec, theta, other, commands)[:3].tolist() == pytest.approx([7.0] * 3)
+    assert in_other_dependences(spec, theta, other, commands)[:3].tolist() == pytest.approx([7.0] * 3)
 
 
 def test_a_rate_is_a_parameter_of_the_command_alone() -> None:
@@ -246,14 +246,14 @@ def test_laws_without_commands_take_tested_ones() -> None:
         ("monotone", "monotone:0,0.1,0.25,0.5,0.75,1"),
         ("exponential", "exponential"),
     ):
-        assert str(law_of(law).at_commands(tested)) == placed
+        assert str(dependence_of(law).at_commands(tested)) == placed
     every = np.linspace(0.0, 2.0, 21).tolist()
-    assert len(law_of("monotone").at_commands(every).nodes) == 8
+    assert len(dependence_of("monotone").at_commands(every).nodes) == 8
 
 
 @pytest.mark.parametrize("law", LAWS_AT_COMMANDS, ids=str)
-def test_a_law_that_has_values_only_at_commands_asks_for_them(law: CommandLaw) -> None:
-    assert law_of(str(law)) == law
+def test_a_law_that_has_values_only_at_commands_asks_for_them(law: Dependence) -> None:
+    assert dependence_of(str(law)) == law
     refusal(mr.damper("dahl").with_current_laws, {"k_w": law}, match=f"give them, as in k_w={law}:0,1")
 
 
@@ -266,25 +266,27 @@ def test_a_wrong_number_of_commands_is_refused_by_the_law_and_by_the_core(name: 
 
 def test_values_come_before_logarithms_and_straight_lines_last() -> None:
     force, rate, offset = mr.damper("dahl").plain
-    law = law_of("log_quadratic:0,0.5,1")
+    law = dependence_of("log_quadratic:0,0.5,1")
     names = [str(each).partition(":")[0] for each in law.other_forms(force)]
     assert names == ["quadratic", "monotone", "straight", "straight_log"]
-    assert [str(each).partition(":")[0] for each in law_of("quadratic:0,0.5,1").other_forms(rate)] == [
+    assert [str(each).partition(":")[0] for each in dependence_of("quadratic:0,0.5,1").other_forms(rate)] == [
         "monotone",
         "log_quadratic",
         "straight_log",
         "straight",
     ]
-    assert [str(each).partition(":")[0] for each in law_of("quadratic:0,0.5,1").other_forms(offset)] == [
+    assert [
+        str(each).partition(":")[0] for each in dependence_of("quadratic:0,0.5,1").other_forms(offset)
+    ] == [
         "monotone",
         "straight",
     ]
-    assert law_of("tanh:0,1").other_forms(force) == []
+    assert dependence_of("tanh:0,1").other_forms(force) == []
 
 
 @pytest.mark.long
 def test_a_saturating_law_is_recovered_with_its_values_at_untested_commands() -> None:
-    law, truth = law_of("tanh:0,1.5"), (110.0, 1410.0, 1.6)
+    law, truth = dependence_of("tanh:0,1.5"), (110.0, 1410.0, 1.6)
     tests = [
         sinusoidal_test(
             "viscous_dahl",

@@ -9,7 +9,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers import LawName
-from mrwork.dampers.laws import CommandLaw, law_of, named_laws
+from mrwork.dampers.dependence import Dependence, dependence_of, named_dependences
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import law_limits, worst_laws
 
@@ -19,7 +19,7 @@ POSITIVE = st.floats(1e-2, 1e4)
 @examples(50)
 @given(values=st.tuples(POSITIVE, POSITIVE, POSITIVE), command=st.floats(0.0, 2.0))
 def test_a_positive_parameter_stays_positive(values: tuple[float, ...], command: float) -> None:
-    law = law_of("log_quadratic:0,0.5,2")
+    law = dependence_of("log_quadratic:0,0.5,2")
     assert law.values(np.array(values), np.array([command]))[0] > 0.0
 
 
@@ -27,7 +27,7 @@ def test_a_positive_parameter_stays_positive(values: tuple[float, ...], command:
 @given(values=st.tuples(POSITIVE, POSITIVE, POSITIVE))
 def test_a_law_takes_its_values_at_its_commands(values: tuple[float, ...]) -> None:
     for name in ("log_quadratic:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"):
-        law = law_of(name)
+        law = dependence_of(name)
         np.testing.assert_allclose(law.values(np.array(values), np.array(law.nodes)), values, rtol=1e-9)
 
 
@@ -36,14 +36,14 @@ def test_a_polynomial_through_values_is_the_polynomial_by_its_coefficients() -> 
     command = np.linspace(0.0, 1.0, 11)
     expected = np.polynomial.polynomial.polyval(command, coefficients)
     at_nodes = np.polynomial.polynomial.polyval(nodes, coefficients)
-    found = law_of("quadratic:0,0.4,1").values(at_nodes, command)
+    found = dependence_of("quadratic:0,0.4,1").values(at_nodes, command)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_a_law_takes_the_logarithms_that_its_name_says() -> None:
     ends = np.array([100.0, 400.0])
-    assert law_of("log_linear:0,1").values(ends, np.array([0.5]))[0] == pytest.approx(200.0)
-    assert law_of("linear:0,1").values(ends, np.array([0.5]))[0] == pytest.approx(250.0)
+    assert dependence_of("log_linear:0,1").values(ends, np.array([0.5]))[0] == pytest.approx(200.0)
+    assert dependence_of("linear:0,1").values(ends, np.array([0.5]))[0] == pytest.approx(250.0)
 
 
 def test_logarithms_of_what_may_be_negative_are_refused_with_the_law_that_has_none() -> None:
@@ -65,7 +65,7 @@ def test_straight_lines_are_those_of_numpy_and_of_the_core(
     values: list[float], command: float, name: str
 ) -> None:
     nodes = [0.0, 0.3, 1.0, 2.5, 3.0, 5.0, 8.0, 9.0][: len(values)]
-    law = law_of(f"{name}:{','.join(map(str, nodes))}")
+    law = dependence_of(f"{name}:{','.join(map(str, nodes))}")
     found = float(law.values(np.array(values), np.array(command)))
     if command <= nodes[-1]:
         line = np.interp(command, nodes, values)
@@ -84,7 +84,7 @@ def test_straight_lines_are_those_of_numpy_and_of_the_core(
     "name", ["log_quadratic:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"]
 )
 def test_a_rescaled_command_is_the_law_there(name: str) -> None:
-    law, rows = law_of(name), np.array([[100.0, 300.0, 400.0], [90.0, 310.0, 405.0]])
+    law, rows = dependence_of(name), np.array([[100.0, 300.0, 400.0], [90.0, 310.0, 405.0]])
     nodes = np.array(law.nodes)
     for values, rescaled in zip(rows, law.rescale_command(rows, 0.9), strict=True):
         expected = law.values(values, 0.9 * nodes)
@@ -92,7 +92,7 @@ def test_a_rescaled_command_is_the_law_there(name: str) -> None:
 
 
 def test_beyond_its_commands_a_law_continues_along_its_tangent() -> None:
-    law, values = law_of("quadratic:0,0.5,1"), np.array([100.0, 300.0, 400.0])
+    law, values = dependence_of("quadratic:0,0.5,1"), np.array([100.0, 300.0, 400.0])
     step = 1e-6
     inside, end, outside, far = law.values(values, np.array([1.0 - step, 1.0, 1.0 + step, 1.5]))
     slope = (end - inside) / step
@@ -109,9 +109,9 @@ def test_nodes_are_the_tested_commands_nearest_to_evenly_spaced_ones() -> None:
         ("quadratic:0,0.2,1", "quadratic:0,0.2,1"),
         ("exponential", "exponential"),
     ):
-        assert str(law_of(law).at_commands(tested)) == placed
+        assert str(dependence_of(law).at_commands(tested)) == placed
     # Fewer commands than values: the search refuses the law in a sentence of its own.
-    assert str(law_of("quadratic").at_commands([0.0, 1.0])) == "quadratic"
+    assert str(dependence_of("quadratic").at_commands([0.0, 1.0])) == "quadratic"
 
 
 def test_a_value_is_a_parameter_in_the_unit_of_its_law() -> None:
@@ -191,8 +191,8 @@ def test_of_several_runs_the_worst_command_of_a_parameter_is_kept() -> None:
     assert [each.command for each in worst_laws(runs)] == [0.0]
 
 
-@pytest.mark.parametrize("law", named_laws(), ids=str)
-def test_the_values_of_a_law_are_those_of_its_equation(law: CommandLaw) -> None:
+@pytest.mark.parametrize("law", named_dependences(), ids=str)
+def test_the_values_of_a_law_are_those_of_its_equation(law: Dependence) -> None:
     coefficients = np.array([3.0, -2.0, 0.7, 0.2])[: law.n_coefficients]
     command = np.array([0.0, 0.4, 1.3])
     expected = sum(value * command**power for power, value in enumerate(coefficients))

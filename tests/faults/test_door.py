@@ -13,7 +13,7 @@ from command_line import COMMAND, mrwork, ran
 from refusals import command_refusal
 from verb_folders import COMMANDS
 
-from mrwork.cli.numbers import Listed, Range
+from mrwork.cli.number_texts import Listed, Range
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import note, show
 

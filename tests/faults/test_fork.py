@@ -9,7 +9,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers.simulation import simulate_forces
-from mrwork.twins.models import begin
+from mrwork.twins.model_twins import begin
 
 PATIENCE = 60.0
 # The warning is that of JAX, where another test has loaded it.

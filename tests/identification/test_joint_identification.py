@@ -10,7 +10,7 @@ from sinusoidal_tests import driven_test, harmonic, sinusoidal_test
 import mrwork as mr
 from mrwork.dampers.spec import law_limits
 from mrwork.identification import Fit, FitSettings, Objective, Race
-from mrwork.identification.commands import with_laws_at
+from mrwork.identification.commands import with_dependences_at
 from mrwork.identification.equivalent import leaves_range, within_range
 from mrwork.identification.excerpts import excerpt
 from mrwork.identification.minimise import level_search
@@ -281,10 +281,10 @@ def test_laws_are_moved_into_their_ranges_and_others_stay(law: str) -> None:
 
 def test_a_typed_polynomial_is_one_of_the_parameter_at_tested_commands(tests: tuple[DamperTest, ...]) -> None:
     model = PRESET.spec.without_laws.with_current_laws({}, unit="A")
-    spec = with_laws_at(model, {"c": "linear", "alpha": "quadratic", "beta": "log_linear"}, tests)
+    spec = with_dependences_at(model, {"c": "linear", "alpha": "quadratic", "beta": "log_linear"}, tests)
     laws = {name: str(law) for name, law in spec.laws_by_name.items() if not law.is_constant}
     assert laws == {"c": "linear:0,1.5", "alpha": "quadratic:0,0.5,1.5", "beta": "log_linear:0,1.5"}
     # What the tests were made with: no other form of these laws is better.
-    fit = mr.identify(with_laws_at(model, TRUE_LAWS, tests), tests, bounds=FIXED, rng=2)
+    fit = mr.identify(with_dependences_at(model, TRUE_LAWS, tests), tests, bounds=FIXED, rng=2)
     assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.05)
     assert "other_laws_better" not in {each.code for each in fit.remarks}

@@ -8,8 +8,8 @@ import pytest
 import mrwork as mr
 from mrwork.dampers.parameters import DRIVER_RATES, Lag
 from mrwork.identification import FitSettings, Objective
+from mrwork.identification.fit_progress import on_every_test
 from mrwork.identification.objective import NormalEquations, linearise_residuals
-from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest, Observation, cut
 
 SPEC = mr.damper("normalised_bouc_wen")

@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 import mrwork as mr
 from mrwork.identification import Objective, Race, search_box
 from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit_progress import Found
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, find_minima
 from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, plain_routes
 from mrwork.identification.minimise.race import (
@@ -21,7 +22,6 @@ from mrwork.identification.minimise.race import (
     same_minimum,
     with_best_forces,
 )
-from mrwork.identification.progress import Found
 from mrwork.identification.residual import ObservedTest
 
 TEST = mr.records.cut(mr.synthetic_test("spencer1997_fast"), every=2)

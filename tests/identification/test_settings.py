@@ -9,7 +9,7 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.identification import FitSettings, Race
-from mrwork.identification.problem import Problem, fingerprint_of
+from mrwork.identification.problem import Problem, problem_fingerprint
 from mrwork.identification.settings import resize_search, search_named, searches
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.codec import differences
@@ -48,10 +48,10 @@ def test_each_search_survives_its_record(name: str) -> None:
 
 def test_each_setting_is_part_of_the_fingerprint() -> None:
     settings = FitSettings(search=Race())
-    facts = fingerprint_of(Problem.of(SPEC, (TEST,), settings))
+    facts = problem_fingerprint(Problem.of(SPEC, (TEST,), settings))
     for each in fields(FitSettings):
         changed = replace(settings, **{each.name: getattr(OTHER, each.name)})
-        assert differences(facts, fingerprint_of(Problem.of(SPEC, (TEST,), changed))), each.name
+        assert differences(facts, problem_fingerprint(Problem.of(SPEC, (TEST,), changed))), each.name
 
 
 def test_a_fit_has_the_settings_it_was_made_with() -> None:

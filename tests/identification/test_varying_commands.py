@@ -18,7 +18,7 @@ from sinusoidal_tests import driven_test
 
 import mrwork as mr
 from mrwork.base.remark import Measured
-from mrwork.dampers.laws import law_of
+from mrwork.dampers.dependence import dependence_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.commands import CommandedTests
@@ -28,7 +28,7 @@ from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.driver_lag import missing_lag, polish_with_wanted_lag
 from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.minimise.varying_search import relative_force
-from mrwork.identification.problem import Problem, fingerprint_of
+from mrwork.identification.problem import Problem, problem_fingerprint
 from mrwork.records.damper_test import loading_of
 from mrwork.uncertainty.bands.prediction import folds_of
 
@@ -328,7 +328,7 @@ def test_laws_and_lag_are_chosen_from_one_record_by_stretches_left_out() -> None
     choice = mr.choose_laws(PLAIN, test, lagged=True, settings=CHEAP, threads=1)
     chosen = choice.ranking.chosen_standing
     assert f"{len(parts)} stretches of the records, each predicted without itself" in choice.ranking.held_out
-    assert {law_of(law).fitted_degree for law in chosen.laws.values()} == {1, 2}
+    assert {dependence_of(law).fitted_degree for law in chosen.laws.values()} == {1, 2}
     assert choice.best.spec.following == ("c", "alpha")
     assert dict(zip(choice.best.spec.names, choice.best.theta, strict=True))["eta"] == pytest.approx(
         60.0, rel=0.02
@@ -388,7 +388,7 @@ def test_the_force_rises_with_the_command() -> None:
 def test_another_course_of_the_command_is_another_problem() -> None:
     test = record(switching)
     earlier = replace(test, current=np.roll(np.asarray(test.current), 1))
-    prints = [fingerprint_of(Problem.of(SPEC, (each,), FitSettings())) for each in (test, earlier)]
+    prints = [problem_fingerprint(Problem.of(SPEC, (each,), FitSettings())) for each in (test, earlier)]
     assert prints[0]["test"] != prints[1]["test"]
 
 

@@ -9,9 +9,9 @@ from sinusoidal_tests import driven_test
 
 import mrwork as mr
 from mrwork.identification import Fit, FitSettings, start_from
+from mrwork.identification.fit_progress import Identifying
 from mrwork.identification.identify import starting_points
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Identifying
 
 # Too short to find anything by itself.
 BARELY = mr.search.EfficientGA(population=8, stop=mr.search.StopRules(max_generations=2))

@@ -14,7 +14,7 @@ from mrwork.files.grid import grid
 from mrwork.files.named_columns import TestQuantity, likely_unit
 from mrwork.records import read_damper_test
 from mrwork.records.columns import parse_column_option
-from mrwork.records.command import nominal_from_name
+from mrwork.records.command_column import nominal_from_name
 
 
 def renamed(tmp_path: Path, old: str, *new: str) -> Path:

@@ -21,7 +21,7 @@ from study_samples import results
 
 import mrwork as mr
 from mrwork import Fit
-from mrwork.runs.export import matlab_names
+from mrwork.runs.exported import matlab_names
 
 MODEL = "normalised_bouc_wen"
 LAWFUL = mr.damper(MODEL).with_current_laws({"k_w": "linear", "c": "linear"}, unit="A")

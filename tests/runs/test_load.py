@@ -15,8 +15,8 @@ from verb_folders import verbs_with
 
 import mrwork as mr
 from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS, RUNS
-from mrwork.study.folder import runs_content
 from mrwork.study.runs import NOT_RUN
+from mrwork.study.study_folder import runs_content
 
 TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StudyResults, "tune": mr.tuning.TunedStudy}
 SLOW = ("synthetic:spencer1997_slow", "synthetic:spencer1997_fast", "--every", 40)

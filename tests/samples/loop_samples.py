@@ -11,7 +11,7 @@ import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.laws.sliding import SlidingSettings
 from mrwork.dampers.parameters import Lag
-from mrwork.dampers.spec import with_changed_laws
+from mrwork.dampers.spec import with_other_dependences
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -28,7 +28,7 @@ def five_storeys() -> mr.Building:
 def rd1005(*, lag: Lag = "one_rate") -> tuple[mr.DamperSpec, Floats]:
     """The static model of an RD-1005-3 by its published set, behind the lag of its driver, which falls slower."""
     preset = mr.damper("static_hysteretic").preset("kwok2006")
-    spec = with_changed_laws(preset.spec, lag=lag)
+    spec = with_other_dependences(preset.spec, lag=lag)
     return spec, np.array([*preset.theta, *[LAG, 0.3 * LAG][: spec.n_rates]])
 
 

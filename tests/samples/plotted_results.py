@@ -22,7 +22,7 @@ from mrwork.records.reading import Reading
 from mrwork.study.least_counts import RowCount, TriedCounts
 from mrwork.tuning import Front
 from mrwork.tuning.judging import with_tuning
-from mrwork.tuning.results import FrontPoint
+from mrwork.tuning.tuned_laws import FrontPoint
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 
 _QUICK = Race(samples=20, starts=2, most_rounds=1)

@@ -12,9 +12,9 @@ from study_texts import study_text
 import mrwork as mr
 from mrwork.store.codec import plain
 from mrwork.tuning import tune
-from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.judging import Judgement, judge
-from mrwork.tuning.results import TunedLaw, TuningResults
+from mrwork.tuning.tuned_laws import TunedLaw, TuningResults
+from mrwork.tuning.tuning_folder import chosen_study
 
 FIVE_STOREYS = 'published = "uts"'
 # Weights of fewer states are designed in half the time, where the building is not what matters.

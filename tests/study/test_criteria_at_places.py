@@ -13,8 +13,8 @@ import mrwork as mr
 from mrwork.closed_loop import frequency_weighted
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.study.schema import TuneTable
-from mrwork.study.study import fingerprint_of
-from mrwork.tuning.space import objective_of
+from mrwork.study.study import study_fingerprint
+from mrwork.tuning.space import tuning_objective
 
 SKYHOOK = '[[controller]]\nlaw = "skyhook_groundhook"\n'
 ASKED = ("rms_acceleration@body", "peak_drift@suspension", "weighted_acceleration@body")
@@ -191,7 +191,7 @@ def test_a_road_without_a_score_is_told_and_another_score_is_another_study(tmp_p
     (remark,) = (each for each in plain.remarks if each.code == "score_of_worst_place")
     assert 'score = ["rms_acceleration@body", "rms_drift@tyre"]' in remark.message
     other = study(tmp_path, '[report]\nscore = ["rms_drift@tyre"]\n')
-    prints = [fingerprint_of(each) for each in (plain, other)]
+    prints = [study_fingerprint(each) for each in (plain, other)]
     assert prints[0] != prints[1]
 
 
@@ -218,7 +218,7 @@ def test_a_speed_of_kilometres_an_hour_without_its_unit_is_told(tmp_path: Path) 
 
 def test_tuning_searches_the_score_of_the_study(tmp_path: Path) -> None:
     made = study(tmp_path, '[report]\nscore = ["rms_acceleration@body"]\n')
-    objective = objective_of(
+    objective = tuning_objective(
         TuneTable(laws=("skyhook_groundhook",)), "A", Scales.of(made.building), made.scored
     )
     assert objective.weights == {"rms_acceleration@body": 1.0}

@@ -15,7 +15,7 @@ from mrwork.control import control_laws
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.study import StudyResults
 from mrwork.study.comparison import results_in_words
-from mrwork.study.study import Study, fingerprint_of
+from mrwork.study.study import Study, study_fingerprint
 
 FRAME = """\
 [building]
@@ -65,7 +65,7 @@ def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_pat
         # The line to type gives the same law, and nothing is left to be taken.
         again = read(tmp_path, named(law, notes[1].split("`")[1] + "\n"))
         assert again.taken_settings == ()
-        assert fingerprint_of(again) == fingerprint_of(study)
+        assert study_fingerprint(again) == study_fingerprint(study)
     results = mr.run_study(study, threads=1)
     assert results.quantities.finished.all()
     assert np.isfinite(results.score(len(results.rows) - 1).mean)
@@ -79,16 +79,16 @@ def test_a_law_is_only_named_until_it_is_designed_and_a_journal_keeps_what_it_to
     expected = read(tmp_path, named("clipped_optimal"))
     study = mr.read_study(tmp_path / "study.toml")
     assert study.taken_settings == ()
-    assert fingerprint_of(study) != fingerprint_of(expected)
+    assert study_fingerprint(study) != study_fingerprint(expected)
     with closing(mr.Journal(tmp_path / "journal")) as journal:
-        assert fingerprint_of(mr.study.designed(study, journal=journal)) == fingerprint_of(expected)
+        assert study_fingerprint(mr.study.designed(study, journal=journal)) == study_fingerprint(expected)
     kept = (tmp_path / "journal").read_text()
     assert kept.count('"settings of clipped_optimal"') == 1
     with closing(mr.Journal(tmp_path / "journal", resume=True)) as journal:
         again = mr.study.designed(
             study, journal=journal, on_progress=lambda progress: pytest.fail(progress.in_words)
         )
-    assert fingerprint_of(again) == fingerprint_of(expected)
+    assert study_fingerprint(again) == study_fingerprint(expected)
     assert again.taken_settings == expected.taken_settings
     assert mr.study.designed(expected) is expected
 

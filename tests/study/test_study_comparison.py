@@ -9,8 +9,8 @@ import study_samples
 
 from mrwork.study import StudyResults, compared
 from mrwork.study.comparison import change_table, compared_quantities, verdict
-from mrwork.study.folder import study_document
 from mrwork.study.study import Row
+from mrwork.study.study_folder import study_document
 
 # Isolation has the lowest score of all, and Lyapunov that of the laws in spite of its peak accelerations.
 SHAKEN = 4

@@ -14,7 +14,7 @@ from mrwork.dampers.tested_range import FittedDamper, OperatingRange, beyond_rat
 from mrwork.plots.of_studies import energy_parts
 from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.damper_size import demands_of, shares_in_words
-from mrwork.study.folder import study_document
+from mrwork.study.study_folder import study_document
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
 STUDY = """\

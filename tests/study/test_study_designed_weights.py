@@ -17,7 +17,7 @@ from mrwork.control import design_weights
 from mrwork.control.laws.design_ground import damper_forces
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.weights import WeightWishes
-from mrwork.dampers.spec import with_changed_laws
+from mrwork.dampers.spec import with_other_dependences
 from mrwork.motions.spectral_density import mean_square_of, strong_part
 from mrwork.study.comparison import results_in_words
 from mrwork.tuning.space import space_of
@@ -99,7 +99,7 @@ def problem_with_lags(*lags: float | None, delay: float = 0.0) -> mr.control.Des
     devices = [
         mr.Device(
             name=f"{k}",
-            spec=with_changed_laws(rd1005.spec, lag="none" if lag is None else "one_rate"),
+            spec=with_other_dependences(rd1005.spec, lag="none" if lag is None else "one_rate"),
             theta=numbers if lag is None else [*numbers, lag],
             row=FRAME.storeys[k],
             largest_command=1.88,

@@ -13,7 +13,7 @@ from refusals import command_refusal, refusal
 
 import mrwork as mr
 from mrwork.motions import GroundMotion, force_motion
-from mrwork.motions.ground_motion import likeness
+from mrwork.motions.ground_motion import correlation_of_motions
 from mrwork.report.study.figures import motion_section
 from mrwork.study.histories import read_history
 from mrwork.study.loop_case import LoopCase
@@ -277,8 +277,8 @@ def test_a_record_beside_a_wind_is_no_copy_of_it_without(folder: Path) -> None:
 def test_two_winds_of_one_mean_are_no_copies_and_one_with_another_factor_is() -> None:
     rng = np.random.default_rng(5)
     one, other = (force_motion(5e3 + 5e2 * rng.standard_normal((3, 200)), 0.02) for _ in range(2))
-    assert likeness(one, other) < 0.2
-    assert likeness(one, mr.motions.scaled(one, -3.0)) == pytest.approx(1.0)
+    assert correlation_of_motions(one, other) < 0.2
+    assert correlation_of_motions(one, mr.motions.scaled(one, -3.0)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("factor", [1e4, 1e-9])

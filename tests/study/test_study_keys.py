@@ -13,7 +13,7 @@ from refusals import command_refusal, refusal
 from tuning_samples import motion
 
 import mrwork as mr
-from mrwork.base.hints import May, Node
+from mrwork.base.hints import Hint, May
 from mrwork.base.keys import Key, Table, keys_of, tables, toml_text
 from mrwork.base.places import KeyPath
 from mrwork.closed_loop.evaluation import Scales
@@ -23,7 +23,7 @@ from mrwork.errors import MistakesError, MrworkError, SettingError
 from mrwork.study import read_study
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable, schema_text
-from mrwork.tuning.space import objective_of
+from mrwork.tuning.space import tuning_objective
 
 Document = dict[str, Any]
 SOUND: Document = {
@@ -134,12 +134,12 @@ TABLES_OF_A_STUDY = pytest.mark.parametrize(
 LISTS = ("fixed", "items")
 
 
-def members(node: Node) -> tuple[Node, ...]:
+def members(node: Hint) -> tuple[Hint, ...]:
     """The kinds of which a value of a key may be."""
     return node.parts if node.form == "either" else (node,)
 
 
-def numeric(node: Node) -> type | None:
+def numeric(node: Hint) -> type | None:
     """Kind of the number that a key takes, alone or in an array; none where it takes no number."""
     inner = [one for each in members(node) for one in (each, *members(each), *each.parts)]
     kinds = [float if each.form == "array" else each.kind for each in inner]
@@ -200,7 +200,7 @@ def mistakes_of(document: Document, folder: Path) -> tuple[Sequence[MrworkError]
     try:
         study = read_study(path)
         for table in study.tunes:
-            objective_of(table, "A", Scales.of(study.building))
+            tuning_objective(table, "A", Scales.of(study.building))
     except SettingError as error:
         told = error.mistakes if isinstance(error, MistakesError) else (error,)
     assert all(each.document == str(path) and str(each).isprintable() for each in told), told

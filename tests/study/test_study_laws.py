@@ -18,7 +18,7 @@ from mrwork.control.linear.lqr import PUBLISHED_REGULATORS
 from mrwork.dampers import damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import laws_text
-from mrwork.study.study import fingerprint_of
+from mrwork.study.study import study_fingerprint
 
 # What each law is told here; those that need nothing are told nothing.
 TOLD = {
@@ -238,8 +238,8 @@ def test_a_dead_zone_is_an_input_of_a_run(tmp_path: Path) -> None:
     plain = read(tmp_path, LAW.format(""))
     shaped = read(tmp_path, LAW.format('dead_zone = "5 mm/s"'))
     off = read(tmp_path, LAW.format('dead_zone = "0 m/s"'))
-    assert fingerprint_of(plain) != fingerprint_of(shaped)
-    assert fingerprint_of(plain)["arrangement"] == fingerprint_of(off)["arrangement"]
+    assert study_fingerprint(plain) != study_fingerprint(shaped)
+    assert study_fingerprint(plain)["arrangement"] == study_fingerprint(off)["arrangement"]
 
 
 @pytest.mark.parametrize("law", ["acceleration_driven", "mixed_skyhook"])

@@ -20,7 +20,7 @@ from mrwork.base.keys import given_in, toml_text
 from mrwork.base.places import Place
 from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.study.schema import StudyTable
-from mrwork.study.study import fingerprint_of
+from mrwork.study.study import study_fingerprint
 from mrwork.study.study_file import write_study_file
 
 ROOT = Path(__file__).parents[2]
@@ -99,10 +99,10 @@ def test_a_study_file_is_rebuilt_in_python_and_written_again(name: str, tmp_path
     if not path.is_file():
         path = tmp_path / "study.toml"
         path.write_text(TEXTS[name])
-    expected = fingerprint_of(mr.read_study(path))
+    expected = study_fingerprint(mr.read_study(path))
     study = in_python(tomllib.loads(TEXTS[name]), path.parent)
-    assert fingerprint_of(study) == expected
-    assert fingerprint_of(rewritten(study, tmp_path)) == expected
+    assert study_fingerprint(study) == expected
+    assert study_fingerprint(rewritten(study, tmp_path)) == expected
 
 
 def test_what_is_tuned_is_rebuilt(tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_values_are_written_beside_the_file_and_read_back(tmp_path: Path) -> Non
     # It can be moved with what is beside it.
     moved = (tmp_path / "study.toml").rename(tmp_path / "moved.toml")
     again = mr.read_study(moved, seed=3)
-    assert fingerprint_of(again) == fingerprint_of(study)
+    assert study_fingerprint(again) == study_fingerprint(study)
     assert [each.groups for each in again.grounds] == [each.groups for each in study.grounds]
     assert again.building.n_strokes == 1
     assert [each.row.label for each in again.arrangements] == [each.row.label for each in study.arrangements]
@@ -167,12 +167,12 @@ def test_a_fit_stands_in_a_study_as_its_folder_does(tmp_path: Path) -> None:
     study = quick(dampers=[{"storey": 1, "run": fit, "count": 2}])
     assert study.devices[0].tested == fit.tested
     written = study.to_toml(tmp_path / "study.toml")
-    assert fingerprint_of(mr.read_study(written)) == fingerprint_of(study)
+    assert study_fingerprint(mr.read_study(written)) == study_fingerprint(study)
     run = mr.load(tmp_path / "study_files" / "damper_1", mr.StoredRun)
     assert run.fit == fit
     for each in (run, run.place):
         again = quick(dampers=[{"storey": 1, "run": each, "count": 2}])
-        assert fingerprint_of(again) == fingerprint_of(study)
+        assert study_fingerprint(again) == study_fingerprint(study)
 
 
 def test_a_study_names_the_folder_of_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,7 +181,7 @@ def test_a_study_names_the_folder_of_its_files(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     study = quick(motions=[{"file": "records/one.txt", "dt": 0.01, "unit": "m/s2"}])
     monkeypatch.chdir(ROOT)
-    assert fingerprint_of(rewritten(study, tmp_path)) == fingerprint_of(study)
+    assert study_fingerprint(rewritten(study, tmp_path)) == study_fingerprint(study)
     assert 'folder = ".."' in (tmp_path / "written" / "study.toml").read_text()
     study.to_toml(tmp_path / "study.toml")
     assert "folder" not in (tmp_path / "study.toml").read_text()
@@ -194,7 +194,7 @@ def test_functions_of_other_values_are_told_apart() -> None:
 
         return law
 
-    one, other, same = (fingerprint_of(quick(laws=[law_of(gain)])) for gain in (1.0, 2.0, 1.0))
+    one, other, same = (study_fingerprint(quick(laws=[law_of(gain)])) for gain in (1.0, 2.0, 1.0))
     assert one == same != other
 
 

@@ -18,10 +18,10 @@ from mrwork.store.run_folder import STUDY_RUN
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study import StudyResults, compared, read_results, tables
 from mrwork.study.comparison import times_better
-from mrwork.study.folder import study_document, study_files
 from mrwork.study.results import largest_step_changes
 from mrwork.study.runs import HALF_STEP, NOMINAL
 from mrwork.study.study import StudyFile
+from mrwork.study.study_folder import study_document, study_files
 
 
 def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:

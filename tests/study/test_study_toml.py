@@ -14,7 +14,7 @@ from tuning_samples import study_file
 
 import mrwork as mr
 from mrwork.base.documents import given_values
-from mrwork.base.hints import Node
+from mrwork.base.hints import Hint
 from mrwork.base.keys import Key, Table, keys_of, tables, toml_text, toml_value
 from mrwork.base.places import KeyPath, Place
 from mrwork.base.units import number_in
@@ -24,7 +24,7 @@ from mrwork.errors import SettingError
 from mrwork.study import read_study
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable
-from mrwork.study.study import fingerprint_of
+from mrwork.study.study import study_fingerprint
 
 Document = dict[str, Any]
 
@@ -60,7 +60,7 @@ def test_a_study_means_the_same_however_it_is_written(
     first = read_study(path)
     assert first.title == (title or first.building.name)
     path.write_bytes(dotted(with_units(document, data.draw), data.draw).encode())
-    assert fingerprint_of(read_study(path)) == fingerprint_of(first)
+    assert study_fingerprint(read_study(path)) == study_fingerprint(first)
 
 
 def with_units(document: Document, draw: Any) -> Document:
@@ -110,7 +110,7 @@ def keys_with_units() -> Iterator[Any]:
                 yield pytest.param(kind, entry, id=f"{getattr(kind, '__name__', '')} {entry.name_in_file}")
 
 
-def written(node: Node, text: str) -> Iterator[Any]:
+def written(node: Hint, text: str) -> Iterator[Any]:
     """A text as a number, as an array and as a matrix, of which the key takes some."""
     kinds = [each.kind for each in members(node)]
     if float in kinds and str not in kinds:

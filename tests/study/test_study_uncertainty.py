@@ -15,11 +15,11 @@ from mrwork.closed_loop import simulate
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import Interrupted
-from mrwork.study.folder import study_document
 from mrwork.study.loop_case import LoopCase, vary_building
 from mrwork.study.realisations import nominal
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import Arrangement, Row
+from mrwork.study.study_folder import study_document
 
 CONTROLLER = """
 [[controller]]

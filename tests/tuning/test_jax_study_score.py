@@ -15,7 +15,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.study import TuneTable
-from mrwork.tuning.run import plan_of
+from mrwork.tuning.tuning_run import plan_of
 
 LAW = "proportional_direct"
 # The building of two storeys has a gain of one number in a setting, and its designs take no time.

@@ -10,8 +10,8 @@ from refusals import refusal
 from mrwork.control import settings_of
 from mrwork.study import TuneTable
 from mrwork.tuning.law_tuning import follow_gradients
-from mrwork.tuning.results import settings_in_words
-from mrwork.tuning.run import plan_of
+from mrwork.tuning.tuned_laws import settings_in_words
+from mrwork.tuning.tuning_run import plan_of
 
 LAW = "signal_network"
 TUNE = f"""

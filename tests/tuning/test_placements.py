@@ -13,9 +13,9 @@ import mrwork as mr
 from mrwork.errors import Interrupted
 from mrwork.report.study.page import study_page
 from mrwork.tuning import TuningResults, judge, tune
-from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.placing import placements_of
-from mrwork.tuning.results import places_table
+from mrwork.tuning.tuned_laws import places_table
+from mrwork.tuning.tuning_folder import chosen_study
 
 # Storey 3 is the soft one, where dampers help most.
 SOFT = "masses = [1000, 1000, 1000, 1000]\nstiffnesses = [4e6, 4e6, 3e5, 4e6]\nmodal_damping = { ratios = [0.02] }"

@@ -16,8 +16,8 @@ from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
 from mrwork.tuning import law_tuning
 from mrwork.tuning.law_plan import LawPlan, without_gradient
-from mrwork.tuning.run import plan_of
 from mrwork.tuning.space import LARGEST
+from mrwork.tuning.tuning_run import plan_of
 
 SMOOTH = [law.name for law in control_laws() if not law.switches]
 MOTIONS = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)

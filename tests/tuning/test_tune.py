@@ -13,13 +13,13 @@ import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.study.loop_case import training_case
 from mrwork.study.results import bands_over
-from mrwork.study.run import unrun
-from mrwork.tuning.folder import chosen_study, tuning_document
+from mrwork.study.running import unrun
 from mrwork.tuning.judging import TunedStudy, judge, with_tuned_rows, with_tuning
 from mrwork.tuning.law_plan import Bench
-from mrwork.tuning.results import settings_in_words
-from mrwork.tuning.run import plan_of
 from mrwork.tuning.space import LawCandidate
+from mrwork.tuning.tuned_laws import settings_in_words
+from mrwork.tuning.tuning_folder import chosen_study, tuning_document
+from mrwork.tuning.tuning_run import plan_of
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ import mrwork as mr
 from mrwork.study import TuneTable
 from mrwork.study.loop_case import training_case
 from mrwork.tuning import tune
-from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.law_plan import Bench
-from mrwork.tuning.results import settings_in_words
-from mrwork.tuning.run import plan_of
 from mrwork.tuning.space import LawCandidate
+from mrwork.tuning.tuned_laws import settings_in_words
+from mrwork.tuning.tuning_folder import chosen_study
+from mrwork.tuning.tuning_run import plan_of
 
 TUNE = """
 [[tune]]

@@ -15,7 +15,7 @@ from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates
 from mrwork.study import TuneTable
 from mrwork.study.runs import Runs, numbered, study_criteria
-from mrwork.tuning.space import LARGEST, Scores, TuningObjective, objective_of, space_of
+from mrwork.tuning.space import LARGEST, Scores, TuningObjective, space_of, tuning_objective
 
 MAGNITUDES = Magnitudes(
     drift=5e-3,
@@ -155,7 +155,7 @@ def test_a_run_that_did_not_finish_makes_every_risk_infinite(risk: str) -> None:
 
 
 def test_dampers_at_zero_command_have_score_one() -> None:
-    objective = objective_of(TuneTable(laws=("lyapunov",)), "A", SCALES)
+    objective = tuning_objective(TuneTable(laws=("lyapunov",)), "A", SCALES)
     assert tuple(objective.weights) == SCORE
     assert (objective.run_scores(found(2.0), found(2.0)) == 1.0).all()
     # Without an end, and over a baseline of zero, a run has no score: a search takes it for infinitely bad.
@@ -167,7 +167,7 @@ def test_weights_of_criteria_are_relative() -> None:
     table = TuneTable(laws=("lyapunov",), criteria={"peak_drift": 3.0, "rms_drift": 1.0})
     runs = found(1.0)
     lower = replace(runs, numbers={**runs.numbers, "peak_drift": 0.5 * runs.peak_drift})
-    assert objective_of(table, "A", SCALES).run_scores(lower, runs) == pytest.approx(0.75 * 0.5 + 0.25)
+    assert tuning_objective(table, "A", SCALES).run_scores(lower, runs) == pytest.approx(0.75 * 0.5 + 0.25)
 
 
 def test_the_largest_criterion_is_that_of_each_run() -> None:
@@ -179,7 +179,7 @@ def test_the_largest_criterion_is_that_of_each_run() -> None:
     )
     runs = found(1.0)
     mixed = replace(runs, numbers={**runs.numbers, "peak_drift": np.linspace(0.5, 1.5, 6).reshape(1, 2, 3)})
-    objective = objective_of(table, "A", SCALES)
+    objective = tuning_objective(table, "A", SCALES)
     assert (objective.run_scores(mixed, runs)[0] == np.maximum(mixed.peak_drift[0], 1.0)).all()
     assert "largest of peak drift and RMS drift, each over its value under the best constant" in (
         objective.in_words(robust=False)
@@ -188,7 +188,7 @@ def test_the_largest_criterion_is_that_of_each_run() -> None:
 
 def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:
     table = TuneTable(laws=("lyapunov",), constraints={"peak_stroke": "10 mm"})
-    violation = objective_of(table, "A", SCALES).violation(found(0.015))
+    violation = tuning_objective(table, "A", SCALES).violation(found(0.015))
     assert violation == pytest.approx(0.5)
     scores = Scores(objective=np.array([0.4, 0.9]), violation=np.array([violation[0], 0.0]))
     assert scores.best == 1
@@ -205,4 +205,4 @@ def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:
     ],
 )
 def test_an_objective_that_means_nothing_is_refused(keys: dict[str, object], word: str) -> None:
-    refusal(lambda: objective_of(TuneTable(laws=("lyapunov",), **keys), "A", SCALES), match=word)  # type: ignore[arg-type] # of several keys
+    refusal(lambda: tuning_objective(TuneTable(laws=("lyapunov",), **keys), "A", SCALES), match=word)  # type: ignore[arg-type] # of several keys

@@ -15,7 +15,7 @@ import mrwork as mr
 from mrwork.closed_loop import Fault, LoopSample, UserLaw
 from mrwork.closed_loop.simulate import LoopVariation
 from mrwork.jax.traced_loop import _simulate
-from mrwork.twins.models import EQUATIONS
+from mrwork.twins.model_twins import EQUATIONS
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

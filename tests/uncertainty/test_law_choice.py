@@ -14,7 +14,7 @@ from mrwork.dampers import damper
 from mrwork.dampers.between_commands import hidden_extrema
 from mrwork.dampers.spec import law_values
 from mrwork.identification import FitSettings, Objective
-from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
+from mrwork.identification.equivalent import identifiable_form, in_other_dependences, joint_box
 from mrwork.identification.excerpts import middle_excerpt, middle_excerpts
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -105,7 +105,7 @@ def test_chosen_laws_that_their_own_search_does_not_meet_are_doubted(
                 )
         return fit
 
-    monkeypatch.setattr("mrwork.uncertainty.choice.laws.identify_with", go_astray)
+    monkeypatch.setattr("mrwork.uncertainty.choice.choose_laws.identify_with", go_astray)
     best = choose_laws("viscous_dahl", tests, settings=settings, threads=1).best
     first, own = alone
     assert len(own.spec.names) < len(first.spec.names)
@@ -166,9 +166,9 @@ def test_a_law_of_a_higher_degree_starts_as_the_same_model() -> None:
     earlier = plain.with_current_laws({"k_w": "linear"})
     richer = plain.with_current_laws({"k_w": "quadratic", "k_x": "linear"})
     theta = np.array([800.0, 200.0, 500.0, 2000.0, 20.0])
-    found = with_other_laws(earlier, theta, richer, np.array(COMMANDS))
+    found = in_other_dependences(earlier, theta, richer, np.array(COMMANDS))
     assert found == pytest.approx([800.0, 0.0, 200.0, 500.0, 0.0, 2000.0, 20.0], abs=1e-9)
-    assert with_other_laws(richer, found, earlier, np.array(COMMANDS)) == pytest.approx(theta)
+    assert in_other_dependences(richer, found, earlier, np.array(COMMANDS)) == pytest.approx(theta)
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,13 @@ import pytest
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
-from mrwork.dampers.laws import law_of
+from mrwork.dampers.dependence import dependence_of
 from mrwork.identification import FitSettings
-from mrwork.identification.commands import with_laws_at
+from mrwork.identification.commands import with_dependences_at
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import command_groups, levels_among
 from mrwork.uncertainty import Choice, choose_laws
-from mrwork.uncertainty.bands.prediction import groups_of
+from mrwork.uncertainty.bands.prediction import fold_groups
 from mrwork.uncertainty.choice.splits import splits_of
 
 COMMANDS = (0.0, 0.5, 1.0, 1.5)
@@ -55,7 +55,7 @@ def without_commands(tests: tuple[DamperTest, ...]) -> Choice:
 
 
 def test_measured_commands_of_one_set_point_are_left_out_together(tests: tuple[DamperTest, ...]) -> None:
-    assert groups_of(tests, "command") == [[0, 4, 8], [1, 5, 9], [2, 6, 10], [3, 7, 11]]
+    assert fold_groups(tests, "command") == [[0, 4, 8], [1, 5, 9], [2, 6, 10], [3, 7, 11]]
     assert command_groups(tests) == [0, 1, 2, 3] * 3
     assert levels_among([0.5, 1.0, 0.504, 0.497, 0.0]).tolist() == [0.5, 1.0, 0.5, 0.5, 0.0]
     # A rig with many commands keeps them apart.
@@ -68,7 +68,7 @@ def test_no_set_has_as_many_values_as_there_are_commands_where_commands_are_left
 ) -> None:
     laws = [law for each in without_commands.ranking.standings for law in each.laws.values()]
     assert laws
-    assert max(law_of(law).n_coefficients for law in laws) == 3
+    assert max(dependence_of(law).n_coefficients for law in laws) == 3
 
 
 @pytest.mark.parametrize("place", ["chosen", "best"])
@@ -80,7 +80,7 @@ def test_left_out_numbers_are_those_of_a_refit_from_scratch(
     rows = [ranking.chosen_standing] if place == "chosen" else ranking.standings
     row = next(row for row in rows if not row.of_excerpts)
     plain = mr.damper(row.model).with_current_laws({}, unit="A")
-    spec = with_laws_at(plain, row.laws, tests)
+    spec = with_dependences_at(plain, row.laws, tests)
     held = {name: (value, value) for name, value in row.held.items()}
     settings = replace(SETTINGS, bounds={**SETTINGS.bounds, **held})
     assert ranking.tests == tuple(test.name for test in tests)
@@ -97,7 +97,7 @@ def test_left_out_numbers_are_those_of_a_refit_from_scratch(
 def test_a_set_that_the_other_commands_leave_open_has_no_number_between_them(choice: Choice) -> None:
     open_sets = 0
     for each in choice.ranking.standings:
-        through_all = any(law_of(law).n_coefficients == len(COMMANDS) for law in each.laws.values())
+        through_all = any(dependence_of(law).n_coefficients == len(COMMANDS) for law in each.laws.values())
         of_between = [
             errors
             for split, errors in zip(choice.ranking.splits, each.predicted, strict=True)

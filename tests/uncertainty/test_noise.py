@@ -10,7 +10,7 @@ from posterior_samples import MODEL, small_sampling, small_test
 from scipy.stats import multivariate_normal
 
 import mrwork as mr
-import mrwork.twins.models
+import mrwork.twins.model_twins
 from mrwork.uncertainty import Iid
 from mrwork.uncertainty.noise import NOISES
 

@@ -17,7 +17,7 @@ import mrwork as mr
 from mrwork.store.run_folder import DRAWS
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, summary_of
-from mrwork.uncertainty.posterior.ensemble import Ensemble
+from mrwork.uncertainty.posterior.walkers import WalkerChain
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:
@@ -30,7 +30,7 @@ def nobody(steps: int) -> None:
 
 def test_moves_keep_a_standard_normal() -> None:
     start = np.random.default_rng(1).standard_normal((32, 6))
-    ensemble = Ensemble.begin(standard_normal, start, rng=2)
+    ensemble = WalkerChain.begin(standard_normal, start, rng=2)
     ensemble.advance(4000, nobody)
     chain = ensemble.positions[500:]
     tau = float(diagnose(chain, tuple("abcdef")).tau.max())
@@ -43,7 +43,7 @@ def test_moves_keep_a_standard_normal() -> None:
 
 def test_a_chain_in_pieces_is_the_chain_in_one() -> None:
     start = np.random.default_rng(1).standard_normal((16, 3))
-    whole, pieces = (Ensemble.begin(standard_normal, start, rng=2) for _ in range(2))
+    whole, pieces = (WalkerChain.begin(standard_normal, start, rng=2) for _ in range(2))
     whole.advance(60, nobody)
     for until in (1, 17, 60):
         pieces.advance(until, nobody)

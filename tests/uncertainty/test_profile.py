@@ -12,7 +12,7 @@ from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.records import DamperTest, cut
 from mrwork.uncertainty import Profiles
 from mrwork.uncertainty.identifiability.profile import Profile
-from mrwork.uncertainty.identifiability.walks import Course, Point, signed_root
+from mrwork.uncertainty.identifiability.walks import Point, WalkRules, signed_root
 
 SPEC = mr.damper("static_hysteretic")
 
@@ -43,7 +43,7 @@ def walked(normal: NDArray[np.float64], way: Literal[-1, 1], dof: float) -> list
     box = mr.Box(names=names, lower=(0.0,) * 3, upper=(1.0,) * 3, log=(False,) * 3)
     errors = np.sqrt(np.diag(np.linalg.inv(normal)) / dof)
     points = [Point(position=origin, squared=1.0)]
-    going = Course(box=box, first=0.5 * errors, limit=1.96, dof=dof).walk(0, way, points)
+    going = WalkRules(box=box, first=0.5 * errors, limit=1.96, dof=dof).walk(0, way, points)
     wanted: NDArray[np.float64] | None = next(going)
     while wanted is not None:
         moved = wanted - origin

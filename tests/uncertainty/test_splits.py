@@ -13,7 +13,7 @@ from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.uncertainty.bands.held_out import median_place, uses_of
-from mrwork.uncertainty.choice.law_search import prepare_search
+from mrwork.uncertainty.choice.dependence_search import prepare_search
 from mrwork.uncertainty.choice.objections import objections_to
 from mrwork.uncertainty.choice.splits import splits_of
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base.docstrings import parameter_texts, with_parameters
-from mrwork.base.hints import LARGEST, InUnit, Node, Says, instead_of, nodes_of, note_of
+from mrwork.base.hints import LARGEST, Hint, InUnit, Says, instead_of, nodes_of, note_of
 from mrwork.base.hints import May as May
 from mrwork.base.hints import Shape as Shape
 from mrwork.base.hints import Within as Within
@@ -154,7 +154,7 @@ def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
         for parameter, entry in parameters.items()
         if entry.default is entry.empty and entry.kind is not entry.VAR_POSITIONAL
     ]
-    declared: dict[str, Node] = {}
+    declared: dict[str, Hint] = {}
     shapes: dict[str, Shape] = {}
 
     def read_annotations() -> None:
@@ -218,7 +218,7 @@ def _check_shapes(shapes: Mapping[str, Shape], function: str, values: Mapping[st
         if len(came) != len(shape.axes) or wanted != came:
             axes = (f"{axis} = {lengths[axis]}" if axis in lengths else axis for axis in shape.axes)
             end = f"; give shape ({', '.join(axes)})"
-            refusal = Refusal(Node(), value, f"has shape {came}", end, SettingError)
+            refusal = Refusal(Hint(), value, f"has shape {came}", end, SettingError)
             raise _error(parameter, function, refusal)
         lengths |= zip(shape.axes, came, strict=True)
 
@@ -232,7 +232,7 @@ class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the
 
     def __init__(
         self,
-        node: Node,
+        node: Hint,
         value: object,
         came: str = "",
         end: str | None = None,
@@ -245,11 +245,11 @@ class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the
         """What came and what to give, behind the name of the argument, or of the key `in_file`."""
         node, value, came, end = self.args
         quoted = "a table" if in_file and isinstance(value, dict) else quote_value(value)
-        wanted = f"; give {in_words(node, in_file=in_file)}" if end is None else end
+        wanted = f"; give {hint_in_words(node, in_file=in_file)}" if end is None else end
         return f"{came or f'is {quoted}'}{wanted}"
 
 
-def accept(node: Node, value: Any, *key: Any) -> Any:
+def accept(node: Hint, value: Any, *key: Any) -> Any:
     """The value, converted to what the annotation declares; raises `Refusal` where it is something else.
 
     The `key`, if any, leads to the value in what is around it.
@@ -261,7 +261,7 @@ def accept(node: Node, value: Any, *key: Any) -> Any:
         raise
 
 
-def _accepted(node: Node, value: Any) -> Any:
+def _accepted(node: Hint, value: Any) -> Any:
     kind, parts = node.kind, node.parts
     match node.form:
         case "scalar" if kind in (int, float):
@@ -313,7 +313,7 @@ def _accepted(node: Node, value: Any) -> Any:
     raise Refusal(node, value)
 
 
-def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str:
+def hint_in_words(node: Hint, *, in_file: bool = False, several: bool = False) -> str:
     """What an annotation takes, as "a number", or "anything" where no value is refused; in the plural for `several`.
 
     The words are for a document `in_file`, which holds no objects.
@@ -322,37 +322,37 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
     def noun(word: str, rest: str = "") -> str:
         return f"{word}s{rest}" if several else f"{'an' if word[0] in 'AEIOUaeiou' else 'a'} {word}{rest}"
 
-    def words(part: Node, several: bool = several) -> str:
-        return in_words(part, in_file=in_file, several=several)
+    def words(part: Hint, several: bool = several) -> str:
+        return hint_in_words(part, in_file=in_file, several=several)
 
     match node:
-        case Node("scalar", kind) if kind in _NOUNS:
+        case Hint("scalar", kind) if kind in _NOUNS:
             unit = note_of(node, InUnit)
             return noun(_NOUNS[kind], f" [{unit.unit}]" if unit and unit.unit not in ("", "1") else "")
-        case Node("scalar", kind):
+        case Hint("scalar", kind):
             return "true or false" if kind is bool else "None"
-        case Node("enumerated", choices):
+        case Hint("enumerated", choices):
             return " or ".join(map(repr, choices))
-        case Node("array", kind):
+        case Hint("array", kind):
             return noun("array", " of numbers" if kind in _NUMBERS else f" of {np.dtype(kind)}")
-        case Node("items", _, (item,)):
+        case Hint("items", _, (item,)):
             items = words(item, several=True)
             alone = item.form == "items" or (in_file and item.form == "record")
             return items if alone else noun("row" if several else "list", f" of {items}")
-        case Node("fixed", _, parts):
+        case Hint("fixed", _, parts):
             return f"{len(parts)} values: {', '.join(map(words, parts))}"
-        case Node("by_name", _, (_, value)):
+        case Hint("by_name", _, (_, value)):
             values = words(value, several=True)
             return noun("table" if in_file else "dict", "" if values == "anything" else f" of {values}")
-        case Node("either", _, parts):
+        case Hint("either", _, parts):
             return " or ".join(filter(None, map(words, parts)))
-        case Node("record", kind) if in_file and (kind is Arguments or keys_of(kind)):
+        case Hint("record", kind) if in_file and (kind is Arguments or keys_of(kind)):
             return noun("table")
-        case Node("record" | "instance" | "function") if in_file:
+        case Hint("record" | "instance" | "function") if in_file:
             return ""
-        case Node("function", (takes, _)):
+        case Hint("function", (takes, _)):
             return noun("function", "" if takes is ... else f" of {counted(len(takes), 'argument')}")
-        case Node("record" | "instance", kind):
+        case Hint("record" | "instance", kind):
             made = getattr(kind, "_made_by", "")
             return noun("path" if kind is os.PathLike else kind.__name__, made and f", made by {made}")
     return "anything"
@@ -361,7 +361,7 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
 _NOUNS = {float: "number", int: "whole number", str: "text"}
 
 
-def _number(node: Node, value: Any) -> Any:
+def _number(node: Hint, value: Any) -> Any:
     number = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
     unit = note_of(node, InUnit)
     symbol = unit.unit if unit else ""
@@ -381,7 +381,7 @@ def _number(node: Node, value: Any) -> Any:
     return number if exact and unit is None else plain
 
 
-def _whole(node: Node, value: Any) -> int:
+def _whole(node: Hint, value: Any) -> int:
     try:
         number = operator.index(value)
     except TypeError:
@@ -393,7 +393,7 @@ def _whole(node: Node, value: Any) -> int:
     return number
 
 
-def _choice(node: Node, value: Any) -> Any:
+def _choice(node: Hint, value: Any) -> Any:
     # An array would be compared element by element, and 1 equals true.
     if any(type(value) is type(choice) and value == choice for choice in node.kind):
         return value
@@ -408,7 +408,7 @@ _NUMBERS = (None, np.float64, np.complex128)
 _MADE_OF = {"f": "iuf", "i": "iu", "u": "iu", "c": "iufc", "b": "b"}
 
 
-def _array(node: Node, value: Any) -> Any:
+def _array(node: Hint, value: Any) -> Any:
     traced = node.kind is None and May.BE_TRACED in node.notes
     if traced and hasattr(value, "__array_namespace__") and not isinstance(value, np.ndarray | np.generic):
         return value
@@ -418,7 +418,9 @@ def _array(node: Node, value: Any) -> Any:
     try:
         array = np.asarray(value)
     except (ValueError, TypeError):
-        raise Refusal(node, value, "is no array", f"; give {in_words(node)} in rows of one length") from None
+        raise Refusal(
+            node, value, "is no array", f"; give {hint_in_words(node)} in rows of one length"
+        ) from None
     # A text, a set or a dict is a single object to NumPy.
     if array.ndim == 0 and array.dtype.kind not in "biufc":
         raise Refusal(node, value)
@@ -444,7 +446,7 @@ def _array(node: Node, value: Any) -> Any:
     return array.astype(scalar, copy=False)
 
 
-def _sequence(node: Node, value: Any) -> Any:
+def _sequence(node: Hint, value: Any) -> Any:
     if node.kind is Iterable and isinstance(value, Iterable) and not isinstance(value, Sequence):
         if not isinstance(value, Set | Mapping):
             return value
@@ -457,7 +459,7 @@ def _sequence(node: Node, value: Any) -> Any:
     return items if isinstance(listed, list) and node.kind is not tuple else tuple(items)
 
 
-def _listed(node: Node, value: Any, most_axes: int = 1) -> Any:
+def _listed(node: Hint, value: Any, most_axes: int = 1) -> Any:
     if isinstance(value, np.ndarray) and 1 <= value.ndim <= most_axes and not np.ma.is_masked(value):
         return value.tolist()
     if isinstance(value, str | bytes) or not isinstance(value, Sequence):

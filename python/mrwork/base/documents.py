@@ -14,9 +14,9 @@ from dataclasses import dataclass, is_dataclass, replace
 from functools import cache, partial
 from typing import Any, TypeVar, cast
 
-from mrwork.base.arguments import Refusal, accept, in_words
+from mrwork.base.arguments import Refusal, accept, hint_in_words
 from mrwork.base.docstrings import before_sections
-from mrwork.base.hints import InUnit, Node, Within
+from mrwork.base.hints import Hint, InUnit, Within
 from mrwork.base.keys import (
     Arguments,
     Key,
@@ -101,19 +101,19 @@ def _note_unusual(read: Any, value: Any, place: Place, entry: Key) -> None:
 
 
 @cache
-def _nodes_in_file(kind: Table) -> Mapping[str, Node]:
+def _nodes_in_file(kind: Table) -> Mapping[str, Hint]:
     """What each key of a table takes in a file, by its name there: numbers with units, and counts from one."""
     return {key.name_in_file: _node_in_file(_without_arrays(key.node), key) for key in keys_of(kind)}
 
 
-def _without_arrays(node: Node) -> Node:
+def _without_arrays(node: Hint) -> Hint:
     """What a document has: lists of numbers in the place of arrays."""
     if node.form == "array":
-        return Node("items", tuple, (Node("scalar", float, (), node.notes),), node.notes)
+        return Hint("items", tuple, (Hint("scalar", float, (), node.notes),), node.notes)
     return replace(node, parts=tuple(map(_without_arrays, node.parts)))
 
 
-def _node_in_file(node: Node, entry: Key, *, alone: bool = True) -> Node:
+def _node_in_file(node: Hint, entry: Key, *, alone: bool = True) -> Hint:
     shifted = (entry.within if isinstance(note, Within) else note for note in node.notes)
     notes = tuple(shifted) if entry.says.from_one else node.notes
     if node.kind is float:
@@ -125,7 +125,7 @@ def _node_in_file(node: Node, entry: Key, *, alone: bool = True) -> Node:
     return replace(node, kind=kind, notes=notes, parts=parts)
 
 
-def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
+def _read_value(node: Hint, value: Any, place: Place, entry: Key) -> Any:
     members = node.parts if node.form == "either" else (node,)
     table, several = inner_table(entry)
     if table is not None:
@@ -168,7 +168,7 @@ def _read_inner(table: Table, value: Any, place: Place, entry: Key, *, alone: bo
     return tuple(read_each(lambda n: read(value[n], place.within(n)), range(len(value))))
 
 
-def _accept(node: Node, value: Any, place: Place) -> Any:
+def _accept(node: Hint, value: Any, place: Place) -> Any:
     try:
         return accept(node, value)
     except Refusal as refusal:
@@ -218,7 +218,7 @@ def keys_in_words(kind: Table) -> list[KeyInWords]:
         says = entry.says
         can_be = "" if says.span is None or says.span.free else "can be "
         file = " or the name of a text file" if says.matrix else ""
-        form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", entry.within.in_words]
+        form = [f"{hint_in_words(_without_arrays(entry.node), in_file=True)}{file}", entry.within.in_words]
         meaning = says.words if says.span is None else f"{says.words}; {can_be}searched by mrwork tune"
         listed.append(
             KeyInWords(

@@ -134,7 +134,7 @@ Form = Literal[
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class Hint:
     """What an annotation declares: its form, what the `kind` is then, and the `parts` of a container.
 
     "anything" cannot be checked, such as `Any`; a "scalar" is a number, flag, text or `None` of this class, and an
@@ -147,7 +147,7 @@ class Node:
 
     form: Form = "anything"
     kind: Any = object
-    parts: tuple[Node, ...] = ()
+    parts: tuple[Hint, ...] = ()
     notes: Notes = ()
 
 
@@ -173,7 +173,7 @@ def _members(hint: Any) -> Iterator[Any]:
 _ARRAY_LIKE = frozenset(_members(ArrayLike))
 
 
-def node_of(hint: Any, notes: Notes = ()) -> Node:
+def node_of(hint: Any, notes: Notes = ()) -> Hint:
     """What an annotation declares, with the notes of those around it."""
     hint = resolved(hint)
     origin, inner = get_origin(hint), get_args(hint)
@@ -186,20 +186,20 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         parts = [node_of(other, notes) for other in others if other is not NoneType]
         # NumPy makes an array of what other members are meant for.
         parts.sort(key=lambda part: part.form == "array")
-        parts += [Node("array", None, (), notes)] * takes_arrays
-        return Node("either", NoneType if NoneType in members else object, tuple(parts), notes)
+        parts += [Hint("array", None, (), notes)] * takes_arrays
+        return Hint("either", NoneType if NoneType in members else object, tuple(parts), notes)
     if origin is Literal:
-        return Node("enumerated", inner, (), notes)
+        return Hint("enumerated", inner, (), notes)
     if origin is np.ndarray:
         # NDArray[T] is ndarray[shape, dtype[T]].
-        return Node("array", get_args(inner[1])[0], (), notes)
+        return Hint("array", get_args(inner[1])[0], (), notes)
     if hint in (float, int, bool, str, NoneType):
-        return Node("scalar", hint, (), notes)
+        return Hint("scalar", hint, (), notes)
     if hint is Any and May.BE_TRACED in notes:
-        return Node("array", None, (), notes)
+        return Hint("array", None, (), notes)
     kind: Any = origin or hint
     if kind in (Any, object):
-        return Node(notes=notes)
+        return Hint(notes=notes)
     if isinstance(kind, TypeVar):
         return node_of(kind.__bound__ or object, notes)
     if not isinstance(kind, type):
@@ -207,23 +207,23 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
             f"the annotation {hint!r} is of a form that `node_of` does not know; add the form, or use Any"
         )
     if is_dataclass(kind):
-        return Node("record", kind, (), notes)
+        return Hint("record", kind, (), notes)
     if kind is Callable:
-        return Node("function", inner or (..., Any), (), notes)
+        return Hint("function", inner or (..., Any), (), notes)
     if issubclass(kind, Mapping):
         name, value = inner or (Any, Any)
-        return Node("by_name", kind, (node_of(name), node_of(value, notes)), notes)
+        return Hint("by_name", kind, (node_of(name), node_of(value, notes)), notes)
     if kind is tuple and inner and inner[1:] != (...,):
-        return Node("fixed", kind, tuple(node_of(entry, notes) for entry in inner), notes)
+        return Hint("fixed", kind, tuple(node_of(entry, notes) for entry in inner), notes)
     if inner and (kind is Iterable or issubclass(kind, Sequence)):
         if get_origin(inner[0]) in (tuple, Sequence):
             # A range holds for numbers and arrays of numbers, but not for entries beside the diagonal of a matrix.
             notes = tuple(note for note in notes if not isinstance(note, Within))
-        return Node("items", kind, (node_of(inner[0], notes),), notes)
-    return Node("instance", kind, tuple(map(node_of, inner)), notes)
+        return Hint("items", kind, (node_of(inner[0], notes),), notes)
+    return Hint("instance", kind, tuple(map(node_of, inner)), notes)
 
 
-def note_of(node: Node, kind: type[NoteT], *, inside: bool = False) -> NoteT | None:
+def note_of(node: Hint, kind: type[NoteT], *, inside: bool = False) -> NoteT | None:
     """The first note of a kind that an annotation has, or a member of a union, or with `inside` any part of it."""
     notes = (note for note in node.notes if isinstance(note, kind))
     parts = node.parts if inside or node.form == "either" else ()
@@ -232,7 +232,7 @@ def note_of(node: Node, kind: type[NoteT], *, inside: bool = False) -> NoteT | N
 
 
 @cache
-def nodes_of(declaring: Any) -> Mapping[str, Node]:
+def nodes_of(declaring: Any) -> Mapping[str, Hint]:
     """What a function declares of each parameter, or a dataclass of each field: by annotation, default and `key`."""
     if isinstance(declaring, type):
         hints = get_type_hints(declaring, include_extras=True)

@@ -18,7 +18,7 @@ from functools import cache, partial
 from typing import Any, NoReturn, cast
 
 from mrwork.base.docstrings import texts_in, with_parameters
-from mrwork.base.hints import NOTES, Node, Says, Within, nodes_of, note_of
+from mrwork.base.hints import NOTES, Hint, Says, Within, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import SYNONYMS, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
@@ -126,7 +126,7 @@ class Key:
     """A key of a table: a field of a dataclass or an argument of a function, and what its notes declare."""
 
     name: str
-    node: Node
+    node: Hint
     default: Any
     says: Says
 
@@ -197,7 +197,7 @@ def as_document(value: Any, *, from_one: bool = False) -> Any:
     return value + 1 if from_one else value
 
 
-def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
+def documented(target: Any, declared: Mapping[str, Hint]) -> str | None:
     """The docstring of a function or class with what the notes of its parameters say, where it says nothing itself."""
     if not target.__doc__ or not any(note_of(node, Says) for node in declared.values()):
         return cast("str | None", target.__doc__)
@@ -287,7 +287,7 @@ def inner_table(entry: Key) -> tuple[Table | None, bool]:
     return (entry.says.functions if kind is Arguments else kind), several
 
 
-def _table_in(node: Node) -> tuple[type | None, bool]:
+def _table_in(node: Hint) -> tuple[type | None, bool]:
     if node.form == "record":
         return (node.kind if node.kind is Arguments or keys_of(node.kind) else None), False
     inner = [_table_in(part) for part in node.parts]

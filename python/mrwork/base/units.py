@@ -322,7 +322,7 @@ def _measured(unit: str) -> tuple[MeasuredQuantity | None, float]:
     return _MEASURED.get(symbol) or _MEASURED.get(text) or (None, 0.0)
 
 
-def command_unit_of(unit: str) -> CommandUnit | None:
+def spelt_command_unit(unit: str) -> CommandUnit | None:
     """The unit of a command that is neither a current nor a voltage, in any case and common spelling; else `None`."""
     return _COMMAND_SPELLINGS.get(" ".join(unit.split()).casefold())
 

@@ -24,7 +24,7 @@ _LARGEST: Final = 1e50
 # Ratio of the smallest to the largest eigenvalue, after scaling to a unit diagonal.
 _SINGULAR: Final = 1e-12
 # A negative stiffness below this fraction of the largest is rounding.
-_ROUNDING: Final = 1e-9
+_NEGATIVE_STIFFNESS: Final = 1e-9
 
 # Five matrices, the copies of a reader and of the checks: gigabytes per coordinate squared.
 _GIGABYTES: Final = 1.1e-7
@@ -176,10 +176,10 @@ def _mass(building: Structure) -> Iterator[str]:
 def _stiffness(building: Structure) -> Iterator[str]:
     stiffness = building.stiffness
     # The largest eigenvalue is not below the largest entry of the diagonal.
-    if is_positive(stiffness, _ROUNDING * max(float(np.diag(stiffness).max()), 0.0)):
+    if is_positive(stiffness, _NEGATIVE_STIFFNESS * max(float(np.diag(stiffness).max()), 0.0)):
         return
     values, vectors = np.linalg.eigh(stiffness)
-    if values[0] < -_ROUNDING * max(values[-1], 0.0) and values[0] < 0.0:
+    if values[0] < -_NEGATIVE_STIFFNESS * max(values[-1], 0.0) and values[0] < 0.0:
         first = int(np.abs(vectors[:, 0]).argmax())
         yield (
             f"the stiffness is unstable, a motion dominated by coordinate {first + 1} has the stiffness "

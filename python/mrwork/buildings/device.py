@@ -17,9 +17,9 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.buildings.plane_building import Building
-from mrwork.dampers.laws import CommandLaw
+from mrwork.dampers.dependence import Dependence
 from mrwork.dampers.parameters import Lag, ParamSpec
-from mrwork.dampers.spec import DamperSpec, with_changed_laws
+from mrwork.dampers.spec import DamperSpec, with_other_dependences
 from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError
 
@@ -37,7 +37,7 @@ _ACTUATOR = DamperSpec(
     spring=None,
     plain=(_FORCE,),
     parameters=(replace(_FORCE, name="f.0"), replace(_FORCE, name="f.1", unit="1", nominal=1.0)),
-    laws=(CommandLaw(1),),
+    laws=(Dependence(1),),
 )
 
 
@@ -108,7 +108,7 @@ class Device(Summarised):
             theta = theta[..., : theta.shape[-1] - self.spec.n_rates]
             rates = np.broadcast_to(self.lag, (*theta.shape[:-1], np.size(self.lag)))
             lag: Lag = "two_rates" if isinstance(self.lag, tuple) else "one_rate"
-            object.__setattr__(self, "spec", with_changed_laws(self.spec, lag=lag))
+            object.__setattr__(self, "spec", with_other_dependences(self.spec, lag=lag))
             object.__setattr__(self, "theta", np.concatenate([theta, rates], axis=-1))
             object.__setattr__(self, "lag", None)
         keep_arrays(self, "theta", "row", *(["sprung"] if self.sprung is not None else []))

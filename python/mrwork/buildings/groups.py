@@ -47,7 +47,7 @@ def refuse_rate(devices: Sequence[Device], rate: float, name: str) -> None:
         )
 
 
-def groups_of(devices: Sequence[Device]) -> list[list[int]]:
+def device_groups(devices: Sequence[Device]) -> list[list[int]]:
     """Indices of the devices of each group: neighbours whose dampers have equal models and laws of the command."""
     return [list(group) for _, group in groupby(range(len(devices)), key=lambda index: devices[index].spec)]
 

@@ -24,11 +24,11 @@ UNDAMPED: Final = 1e-6
 # A mode above minus this ratio does not grow: published matrices have five or six digits.
 _GROWS: Final = 1e-5
 # Margin of ratios that rounding makes negative.
-_ROUNDING: Final = 1e-9
+_NEGATIVE_RATIO: Final = 1e-9
 # Modes below this share of the highest frequency, or of a typical one, are motions without stiffness.
 _FREE: Final = 1e-6
 # Squares of frequencies that differ by less are equal, relative to their own and to the highest.
-_SAME: Final = 1e-8
+_EQUAL_SQUARES: Final = 1e-8
 _EPSILON: Final = 1e-14
 # Weight of the motion that the ground drives beside damping, where both single out shapes.
 _DRIVEN: Final = 1e-6
@@ -92,7 +92,7 @@ def spaces_of(squares: Floats) -> list[slice]:
 
     Of several such modes any combination is a mode, so that only the space of their shapes is determined.
     """
-    apart = np.diff(squares) > _SAME * squares[1:] + _EPSILON * squares[-1]
+    apart = np.diff(squares) > _EQUAL_SQUARES * squares[1:] + _EPSILON * squares[-1]
     ends = np.concatenate([[0], np.flatnonzero(apart) + 1, [len(squares)]]).tolist()
     return [slice(start, stop) for start, stop in pairwise(ends)]
 
@@ -159,7 +159,7 @@ def apart_of(shapes: NDArray[np.complex128] | Floats, mass: Floats, floors: Floa
 
 def growing_modes(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> str:
     """Number of modes with negative damping and the worst of them, in words; empty if none has."""
-    if not damping.any() or is_damped(mass, damping, stiffness, -_ROUNDING):
+    if not damping.any() or is_damped(mass, damping, stiffness, -_NEGATIVE_RATIO):
         return ""
     damped = modal_damping(mass, damping, stiffness, floors)
     grows = damped.ratio < -_GROWS
@@ -217,7 +217,7 @@ def damping_remarks(
             modes=_modes_have(int(undamped.sum()), n),
             lowest=f", the lowest of these at {lowest:.4g} Hz",
         )
-    elif not is_damped(mass, damping, stiffness, -_ROUNDING):
+    elif not is_damped(mass, damping, stiffness, -_NEGATIVE_RATIO):
         yield _DRIVEN_MOTION.remark(name)
 
 

@@ -20,7 +20,7 @@ from mrwork.buildings.structure import Status
 from mrwork.errors import SettingError
 
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
-_ROUNDING: Final = 1e-8
+_OFF_ZERO: Final = 1e-8
 # Influences that are the same.
 _SAME_INFLUENCE: Final = 1e-6
 # How late a coordinate may follow the others statically, by dashpots [s].
@@ -58,14 +58,14 @@ def building_of(
     stiffness, damping = -ordered[n:, :n], -ordered[n:, n:]
     status: Status = "masses not known" if mass is None else "ours"
     if mass is None:
-        is_symmetric = np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max()
+        is_symmetric = np.abs(stiffness - stiffness.T).max() <= _OFF_ZERO * np.abs(stiffness).max()
         inverse = np.eye(n) if is_symmetric else np.linalg.inv(_real_modes(stiffness, name)[0])
         mass = inverse.T @ inverse
     if mass.shape != (n, n):
         raise SettingError(f"building {name}: the mass is not {n} x {n}, as half of A is")
     scaled = mass @ stiffness
     skew = np.abs(scaled - scaled.T).max()
-    if skew > _ROUNDING * np.abs(scaled).max():
+    if skew > _OFF_ZERO * np.abs(scaled).max():
         raise SettingError(
             f"building {name}: with this mass the stiffness is not symmetric, by {skew:g} N/m; give the mass that A "
             "was made with"
@@ -86,7 +86,7 @@ def building_of(
 def order_of_states(A: Floats, name: str) -> NDArray[np.intp]:
     """States in the order [q; q'], shape (n,): the row of a displacement in A is 1 at its rate and 0 elsewhere."""
     rates = np.abs(A).argmax(axis=1) if A.size else np.empty(0, dtype=np.intp)
-    displacements = np.flatnonzero(np.abs(A - np.eye(len(A))[rates]).max(axis=1, initial=0.0) <= _ROUNDING)
+    displacements = np.flatnonzero(np.abs(A - np.eye(len(A))[rates]).max(axis=1, initial=0.0) <= _OFF_ZERO)
     order = np.concatenate([displacements, rates[displacements]])
     if not len(A) or len(order) != len(A) or len(np.unique(order)) < len(A):
         raise SettingError(
@@ -108,7 +108,7 @@ def mass_of_forces(A: Floats, B: Floats, rows: Floats, name: str) -> Floats:
     inverse = np.linalg.inv(modes)
     moved, stretched = inverse @ B[order[n:]], modes.T @ rows.T
     # Shapes of unit length: what moves is in 1/kg.
-    least = _ROUNDING * np.linalg.norm(moved)
+    least = _OFF_ZERO * np.linalg.norm(moved)
     n_moved = sum(int(np.linalg.matrix_rank(moved[space], tol=least)) for space in spaces)
     if n_moved < n:
         raise SettingError(
@@ -138,7 +138,7 @@ def _real_modes(stiffness: Floats, name: str) -> tuple[Floats, list[slice]]:
             square = float(squares[order[space]].real.mean())
             *_, rows = np.linalg.svd(stiffness - square * np.eye(len(stiffness)))
             shapes[:, space] = rows[space.start - space.stop :].T
-    if np.abs(squares.imag).max() > _ROUNDING * largest or np.linalg.cond(shapes) > 1.0 / _ROUNDING:
+    if np.abs(squares.imag).max() > _OFF_ZERO * largest or np.linalg.cond(shapes) > 1.0 / _OFF_ZERO:
         raise SettingError(
             f"building {name}: the modes of M^-1 K are no real shapes, so no mass makes K symmetric; "
             "give a state space of masses, springs and dashpots"

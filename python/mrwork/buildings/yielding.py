@@ -204,7 +204,7 @@ class Pushover(Plotted, Summarised):
     height: float
 
     def _summary(self) -> Summary:
-        points = np.unique(np.linspace(0, len(self.roof) - 1, _SHOWN).round().astype(int))[1:].tolist()
+        points = np.unique(np.linspace(0, len(self.roof) - 1, _POINTS_SHOWN).round().astype(int))[1:].tolist()
         peak, slopes = int(np.argmax(self.base_shear)), np.diff(self.base_shear) / np.diff(self.roof)
         first, last = (format_rounded(float(slopes[end])) for end in (0, -1))
         largest = (
@@ -319,7 +319,7 @@ def _far(building: Building, force: Floats, height: float) -> float:
 
 _FAR: Final = 0.04
 _DUCTILE: Final = 8.0
-_SHOWN: Final = 13
+_POINTS_SHOWN: Final = 13
 _TURNS: Final = 4
 # Slope of a loop that has yielded, over the initial one.
 _FLAT: Final = 1e-9

@@ -16,7 +16,7 @@ from mrwork.base.summary import list_names, named
 from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.frame import command_line
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page, told_remarks
 from mrwork.cli.terminal import note, show
@@ -156,7 +156,7 @@ def _fitting(
     """
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
-    from mrwork.uncertainty.choice.laws import choose_laws
+    from mrwork.uncertainty.choice.choose_laws import choose_laws
     from mrwork.uncertainty.choice.splits import can_leave_out
 
     reading = reading_of_rows(_of_use(rows, "fit"))

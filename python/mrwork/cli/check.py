@@ -11,7 +11,7 @@ from mrwork.base.numbers import counted
 from mrwork.base.summary import Summary
 from mrwork.base.table import Table
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples, given_options
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result, reading_line, show_results
 from mrwork.cli.terminal import note

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from mrwork.cli.command_parser import CommandParser
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 
 # What a path of this name is: a folder.
 _FOLDERS = ("RUN", "DIR")
@@ -38,14 +38,14 @@ def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
 def _offered_names() -> dict[tuple[str, str], list[str]]:
     """Names for arguments that take more than names, by verb and argument."""
     from mrwork.control.laws.control_law import control_laws
-    from mrwork.dampers.laws import LAWS_AT_COMMANDS, named_laws
+    from mrwork.dampers.dependence import LAWS_AT_COMMANDS, named_dependences
     from mrwork.dampers.spec import ALL, damper_models
     from mrwork.records.repairs import REPAIR_KINDS
     from mrwork.uncertainty.noise import NOISES
 
     models = [spec.name for spec in damper_models()]
     parameters = dict.fromkeys(name for spec in damper_models() for name in spec.names)
-    laws = [f"{name}={law}" for name in parameters for law in (*named_laws(), *LAWS_AT_COMMANDS)]
+    laws = [f"{name}={law}" for name in parameters for law in (*named_dependences(), *LAWS_AT_COMMANDS)]
     return {
         ("models", "name"): models,
         ("identify", "--model"): [*models, ALL],

@@ -17,9 +17,9 @@ from functools import partial
 from typing import Annotated, Any, get_origin
 
 from mrwork.base.docstrings import parameter_texts
-from mrwork.base.hints import Node, Says, node_of, nodes_of, note_of
+from mrwork.base.hints import Hint, Says, node_of, nodes_of, note_of
 from mrwork.cli.command_parser import CommandParser
-from mrwork.cli.numbers import Listed, Range, finite_number
+from mrwork.cli.number_texts import Listed, Range, finite_number
 from mrwork.errors import MrworkError
 
 Declaring = object
@@ -88,7 +88,7 @@ def _is_annotation(declaring: object) -> bool:
     return get_origin(declaring) is Annotated
 
 
-def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
+def _declared(declaring: Any, name: str) -> tuple[Hint, Any, str]:
     """Annotation, default and text of a parameter."""
     node = node_of(declaring) if _is_annotation(declaring) else nodes_of(declaring)[name]
     says = note_of(node, Says)
@@ -118,32 +118,32 @@ class _Form:
     repeated: bool = False
 
 
-def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
+def _form_of(node: Hint, reads: Callable[[str], Any] | None) -> _Form | None:
     """The form of what an annotation declares; `None` where no text stands for it."""
     match node:
-        case Node("by_name", _, (_, value)):
+        case Hint("by_name", _, (_, value)):
             read, shape = (reads, "VALUE") if reads is not None else _entry_of(value)
             return _Form(reads=partial(read_entry, read, shape), metavar=f"NAME={shape}", repeated=True)
-        case Node("items", _, (Node("scalar", kind) as item,)) if kind in (int, float):
+        case Hint("items", _, (Hint("scalar", kind) as item,)) if kind in (int, float):
             return _Form(reads=Listed(Range.of(item)), metavar="LIST")
-        case Node("items", _, (item,)):
+        case Hint("items", _, (item,)):
             inner = _form_of(item, reads)
             return None if inner is None else replace(inner, repeated=True)
-        case Node("either"):
+        case Hint("either"):
             forms = [form for part in node.parts if (form := _form_of(part, reads)) is not None]
             words = [word for form in forms for word in form.choices]
             numbers = [form.reads for form in forms if isinstance(form.reads, Range)]
             if words and numbers:
                 return _Form(reads=replace(numbers[0], word=words[0]))
             return next((form for form in forms if form.repeated), next(iter(forms), None))
-        case Node("enumerated", choices):
+        case Hint("enumerated", choices):
             return _Form(choices=choices)
-        case Node("scalar", kind) if kind is bool:
+        case Hint("scalar", kind) if kind is bool:
             return _Form(reads=bool)
-        case Node("scalar", kind) if kind in (int, float):
+        case Hint("scalar", kind) if kind in (int, float):
             number = Range.of(node)
             return _Form(reads=number, metavar=number.metavar)
-        case Node("scalar"):
+        case Hint("scalar"):
             return _Form(metavar="NAME")
     return None if reads is None else _Form(reads=reads, metavar="VALUE")
 
@@ -165,7 +165,7 @@ def ends_of(text: str) -> tuple[float, float]:
     return finite_number(lower), finite_number(upper)
 
 
-def _entry_of(value: Node) -> tuple[Callable[[str], Any], str]:
+def _entry_of(value: Hint) -> tuple[Callable[[str], Any], str]:
     if value.form in ("fixed", "items"):
         return ends_of, "LOWER:UPPER"
     return (finite_number, "NUMBER") if value.kind is float else (str, "VALUE")

@@ -8,7 +8,7 @@ from typing import get_args
 from mrwork.base.summary import list_names
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.errors import SettingError
@@ -56,9 +56,9 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file, or print the text."""
     from mrwork.identification.fit import Fit
-    from mrwork.runs.export import export, exported, printed
+    from mrwork.runs.exported import export, exported, printed
     from mrwork.runs.load import read_run
-    from mrwork.runs.printed import files_of, in_words, write_files
+    from mrwork.runs.printed import files_of, printed_in_words, write_files
 
     opened = None if options.run_folder.is_file() else read_run(options.run_folder)
     observation = opened.observation_in_words if isinstance(opened, Fit) else ""
@@ -78,7 +78,11 @@ def run(options: argparse.Namespace) -> int:
         text = "\n".join(
             filter(
                 None,
-                (f"Written: {list_names([str(path) for path in paths])}", in_words(source, to), observation),
+                (
+                    f"Written: {list_names([str(path) for path in paths])}",
+                    printed_in_words(source, to),
+                    observation,
+                ),
             )
         )
         print_result(options, document, text)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import show_results, undrawn_warned
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
-from mrwork.study.options import BandLevel, FragilityLimit, ModellingDispersion
+from mrwork.study.run_options import BandLevel, FragilityLimit, ModellingDispersion
 
 if TYPE_CHECKING:
     from mrwork.study.fragilities import Fragilities

@@ -8,11 +8,11 @@ from functools import partial
 
 from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of, read_entry
-from mrwork.cli.numbers import finite_number, named_path
+from mrwork.cli.number_texts import finite_number, named_path
 from mrwork.cli.options import add_threads, end_parser, on_workers
 from mrwork.cli.own_models import is_own, own_model
 from mrwork.cli.tests import add_files, add_observation, command_unit
-from mrwork.dampers.laws import LawName
+from mrwork.dampers.dependence import LawName
 from mrwork.dampers.spec import ALL, DEFAULT_MODELS, SCREENED, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.settings import (
@@ -173,7 +173,7 @@ def _choose(
 ) -> int:
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
-    from mrwork.uncertainty.choice.laws import choose_laws
+    from mrwork.uncertainty.choice.choose_laws import choose_laws
 
     ending = options.model.rpartition(":")[2] if options.model and not several else "models"
     verb = Identification.of_files(options, settings, ending, kept="the best of what was fitted")
@@ -194,7 +194,7 @@ def _choose(
 
 def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settings: FitSettings) -> int:
     from mrwork.cli.identified import Identification
-    from mrwork.identification.commands import with_laws_at
+    from mrwork.identification.commands import with_dependences_at
     from mrwork.identification.fit_file import read_fit
     from mrwork.identification.problem import start_from
 
@@ -203,7 +203,7 @@ def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settin
     if options.law:
         unit = command_unit(verb.tests, options.command_unit)
         spec = spec.with_current_laws({}, unit=unit, lag="one_rate" if options.driver_lag else "none")
-        spec = with_laws_at(spec, options.law, verb.tests)
+        spec = with_dependences_at(spec, options.law, verb.tests)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     screens = options.model is None and len(verb.tests) == 1 and not (options.law or settings.bounds)
     return verb.fit(spec, replace(settings, starts=starts), screens=screens)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.errors import OutputError

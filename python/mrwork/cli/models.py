@@ -12,7 +12,7 @@ from mrwork.base.summary import list_names
 from mrwork.base.table import Table
 from mrwork.cli.command_parser import Collect, CommandParser, examples
 from mrwork.cli.derived import add_option_of, arguments_of, read_entry
-from mrwork.cli.numbers import finite_number, named_path
+from mrwork.cli.number_texts import finite_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model

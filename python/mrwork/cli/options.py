@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from mrwork.base.arguments import Threads
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
 from mrwork.cli.derived import add_option_of
-from mrwork.cli.numbers import THREADS, named_path
+from mrwork.cli.number_texts import THREADS, named_path
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
-from mrwork.study.options import StudySeed
+from mrwork.study.run_options import StudySeed
 
 
 def add_run(parser: CommandParser) -> None:

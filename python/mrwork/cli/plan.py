@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import end_addition
 from mrwork.cli.tests import opened_run

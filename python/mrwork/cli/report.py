@@ -17,7 +17,7 @@ from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import drawing, print_json, print_result, told_remarks
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
-from mrwork.report.options import EveryTest, Summary
+from mrwork.report.page_options import EveryTest, Summary
 from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
 
 if TYPE_CHECKING:

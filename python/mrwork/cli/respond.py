@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
-from mrwork.study.options import CheckStep
+from mrwork.study.run_options import CheckStep
 
 if TYPE_CHECKING:
     from mrwork.base.progress import Progress, ProgressLine
@@ -77,8 +77,8 @@ def run(options: argparse.Namespace) -> int:
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:
     from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.ensemble import dampers_apart
-    from mrwork.study.folder import design_document, study_document, study_files
     from mrwork.study.histories import Histories
+    from mrwork.study.study_folder import design_document, study_document, study_files
 
     if options.ensemble and not study.other_sets:
         raise SettingError(
@@ -92,7 +92,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
     def compute(journal: Journal, line: ProgressLine) -> StudyResults:
         from mrwork.control.laws.control_law import ControlLaw
-        from mrwork.study.run import run_study
+        from mrwork.study.running import run_study
 
         if options.workers or options.cluster:
             if len(study.histories) == len(study.motions):
@@ -137,9 +137,9 @@ def _run_ensemble(
     options: argparse.Namespace, study: Study, results: StudyResults, journal: Journal, line: ProgressLine
 ) -> Ensemble:
     """The study with each other set of laws, read anew with its dampers, in the journal after the study itself."""
-    from mrwork.runs.study import read_study
+    from mrwork.runs.read_study import read_study
     from mrwork.study.ensemble import ensemble_of
-    from mrwork.study.run import run_study
+    from mrwork.study.running import run_study
 
     every = [results]
     for number, other in enumerate(study.other_sets, start=2):

@@ -16,7 +16,7 @@ from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.options import on_workers
 from mrwork.cli.output import print_json, progress_line, renew_page
 from mrwork.cli.terminal import keep_stdout, note, show
-from mrwork.runs.study import read_study
+from mrwork.runs.read_study import read_study
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import JOURNAL, REPORT, RunKind

@@ -12,7 +12,7 @@ from mrwork.base.keys import suggestion
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.cli.command_parser import MEASUREMENT, RECORDS, CommandParser
 from mrwork.cli.derived import UNCHANGED, add_option_of, add_options_of, arguments_of
-from mrwork.cli.numbers import finite_number
+from mrwork.cli.number_texts import finite_number
 from mrwork.cli.output import reading_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -108,13 +108,13 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
 
 def reading_of_rows(rows: Sequence[ListedTest], **settings: Any) -> Reading:
     """The test files of rows of tables, and the settings for reading them."""
-    from mrwork.records.rig_table import facts_of
+    from mrwork.records.rig_table import test_facts
 
     return Reading(
         files=tuple(row.file for row in rows),
         columns_of={row.file: row.columns for row in rows if row.columns},
         folder=str(Path.cwd()),
-        facts=facts_of(rows),
+        facts=test_facts(rows),
         **settings,
     )
 

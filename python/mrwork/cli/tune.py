@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples, given_options
 from mrwork.cli.derived import add_option_of
-from mrwork.cli.numbers import named_path
+from mrwork.cli.number_texts import named_path
 from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.output import check_figure, progress_line, show_results, write_figure
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import CHOSEN, TUNING_RUN
-from mrwork.study.options import TunedLaws
+from mrwork.study.run_options import TunedLaws
 
 if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     if others := [given for name, given in given_options(options).items() if name in ("figure", "motions")]:
         raise SettingError(f"{others[0]} is of --size; leave it out, or give --size count")
     from mrwork.cli.study_text import run_on_study
-    from mrwork.tuning.run import check_tables, tables_of
+    from mrwork.tuning.tuning_run import check_tables, tables_of
 
     def check(study: Study) -> None:
         check_tables(study, tables_of(study, _tables(study, options)))
@@ -93,12 +93,12 @@ def run(options: argparse.Namespace) -> int:
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TunedStudy]:
     """The tuning of the tables of a study, or of the command line, and the study that judges it."""
     from mrwork.cli.study_text import StudyVerb, design_lines
-    from mrwork.study.folder import design_document
     from mrwork.study.histories import Histories
-    from mrwork.study.run import unrun
-    from mrwork.tuning.folder import tuning_document, tuning_files
+    from mrwork.study.running import unrun
+    from mrwork.study.study_folder import design_document
     from mrwork.tuning.judging import judge, with_tuned_rows, with_tuning
-    from mrwork.tuning.run import tune
+    from mrwork.tuning.tuning_folder import tuning_document, tuning_files
+    from mrwork.tuning.tuning_run import tune
 
     tables, wider = _tables(study, options), study
 
@@ -143,7 +143,7 @@ def _find_counts(options: argparse.Namespace) -> int:
         raise SettingError(f"{others[0]} is of a tuning, and --size writes no folder; leave one of both out")
     if options.figure is not None:
         check_figure(options.figure)
-    from mrwork.runs.study import read_study
+    from mrwork.runs.read_study import read_study
     from mrwork.study.least_counts import damper_counts
 
     study = read_study(options.study, seed=options.seed, on_python=note)

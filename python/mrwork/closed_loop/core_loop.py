@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.device import Device, as_actuators, elongation_rows, sprung_rows
-from mrwork.buildings.groups import commanded, groups_of, sends_forces
+from mrwork.buildings.groups import commanded, device_groups, sends_forces
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observer import core_observer
@@ -183,13 +183,13 @@ def theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
             ],
             axis=1,
         )
-        for group in groups_of(devices)
+        for group in device_groups(devices)
     )
 
 
 def core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_rust.Dampers]:
     """Devices for the core, with parameters (n_draws, n_devices of the group, n_columns) of each group."""
-    groups = [[devices[member] for member in group] for group in groups_of(devices)]
+    groups = [[devices[member] for member in group] for group in device_groups(devices)]
     return [
         _rust.Dampers(
             model=group[0].spec.core_name,

@@ -21,7 +21,7 @@ LoopSignal = Literal["acceleration", "deformation", "force", "command", "ground_
 Feedback = Literal["state", "observer"]
 
 # Larger numbers are mistakes of unit; the first leaves room for the additional steps of stiff dampers.
-_MOST_STEPS = 10_000
+_MOST_STEPS_OF_SAMPLE = 10_000
 _LONGEST_DELAY = 1_000_000
 _LONGEST_PREVIEW = 2.0
 # Usual samples and delays [s].
@@ -171,11 +171,14 @@ class Hardware(Summarised):
             raise InvalidSettingError(name, sentence)
 
     def _mistakes(self) -> Iterator[tuple[str | tuple[()], str]]:
-        if self.sample_time / self.step > _MOST_STEPS or self.delay / self.sample_time > _LONGEST_DELAY:
+        if (
+            self.sample_time / self.step > _MOST_STEPS_OF_SAMPLE
+            or self.delay / self.sample_time > _LONGEST_DELAY
+        ):
             yield (
                 (),
                 f"`step` is {self.step} s and `delay` {self.delay} s for samples of {self.sample_time} s; give at most "
-                f"{_MOST_STEPS} steps to a sample, and {_LONGEST_DELAY} samples of delay",
+                f"{_MOST_STEPS_OF_SAMPLE} steps to a sample, and {_LONGEST_DELAY} samples of delay",
             )
         if abs(self.delay / self._step - self.delay_steps) > 1e-6:
             yield (

@@ -16,14 +16,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from mrwork.base.effects import effect_of, with_numpy
 from mrwork.base.recording import Cell, Node, NotRecordedError, Recording
+from mrwork.base.side_effects import effect_of, with_numpy
 from mrwork.base.tape import Tape, tape_of
 from mrwork.base.traced import bare, inputs
 from mrwork.base.values import Floats
 from mrwork.closed_loop.loop_sample import READINGS, RMS_READINGS, LoopSample, RunningRms
 from mrwork.control.laws.own_formula import OwnFormula
-from mrwork.store.user_python import in_words, place_of, place_raised, start_of
+from mrwork.store.user_python import error_in_words, place_of, place_raised, start_of
 
 # An input that a law reads through its running root mean square alone, which leaves out what is not a number.
 _FADING: Final = "fading "
@@ -135,7 +135,7 @@ def record_law(formula: OwnFormula, shape: LoopShape, settings: Floats) -> tuple
         raise
     except (Exception, SystemExit) as error:
         # Where the loop calls the function too, the sentence of the loop follows.
-        raise NotRecordedError(in_words(error), place_raised(error, start_of(function)[0])) from error
+        raise NotRecordedError(error_in_words(error), place_raised(error, start_of(function)[0])) from error
 
 
 class _Law:

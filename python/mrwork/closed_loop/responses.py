@@ -188,7 +188,7 @@ def demand_of(
 
 
 # Quantities in the summary.
-_SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "energy_error")
+_IN_SUMMARY = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "energy_error")
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 
@@ -383,7 +383,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                 *(format_rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
                 quantity_named(name).unit,
             )
-            for name in _SHOWN
+            for name in _IN_SUMMARY
             for values in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]
             for largest in [values[finished] if finished.any() else np.array([np.nan])]
         ]

@@ -19,7 +19,7 @@ from mrwork.closed_loop.loop_sample import READINGS, RMS_READINGS, LoopSample, R
 from mrwork.closed_loop.recorded_law import LoopShape, RecordedLaw, line_of_no_number, record_law
 from mrwork.control.laws.own_formula import OwnFormula
 from mrwork.errors import SettingError
-from mrwork.store.user_python import in_words, place_of, place_raised, start_of
+from mrwork.store.user_python import error_in_words, place_of, place_raised, start_of
 
 # A command that is not a number fails safe where a reading is not.
 _COMMANDS = node_of(AnyNumbers)
@@ -151,7 +151,7 @@ class RowsLaw:
                 location = place_raised(error, start_of(formula.function)[0])
                 where = f" in {location}" if location else ""
                 raise SettingError(
-                    f"{formula.name} failed at {sample.time:g} s{where}: {in_words(error)}; correct it"
+                    f"{formula.name} failed at {sample.time:g} s{where}: {error_in_words(error)}; correct it"
                 ) from error
             unknown = sample.unknown if isinstance(sample, _WatchedSample) else None
             if number == 0:

@@ -23,7 +23,7 @@ from mrwork.buildings.device import Device as Device
 from mrwork.buildings.device import elongation_rows
 from mrwork.buildings.groups import (
     commanded,
-    groups_of,
+    device_groups,
     refuse_order,
     refuse_rate,
     sends_forces,
@@ -206,7 +206,7 @@ def simulate_loop(
         counts["`largest_commands`"] = len(factors)
         theta = tuple(
             _stretch_theta(devices[group[0]].spec, parameters, factors[:, group])
-            for group, parameters in zip(groups_of(devices), theta, strict=True)
+            for group, parameters in zip(device_groups(devices), theta, strict=True)
         )
     n_candidates = max(counts.values())
     if not n_candidates or {*counts.values()} - {1, n_candidates}:

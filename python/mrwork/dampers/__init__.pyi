@@ -6,8 +6,8 @@ from .conventions import opensees_from_bouc_wen as opensees_from_bouc_wen
 from .conversions import bouc_wen_from_normalised as bouc_wen_from_normalised
 from .conversions import normalised_from_bouc_wen as normalised_from_bouc_wen
 from .coordinates import Box as Box
-from .laws import CurrentLaws as CurrentLaws
-from .laws import LawName as LawName
+from .dependence import CurrentLaws as CurrentLaws
+from .dependence import LawName as LawName
 from .simulation import Outcome as Outcome
 from .simulation import flops_per_step as flops_per_step
 from .simulation import fma_peak as fma_peak

@@ -13,7 +13,7 @@ from mrwork.base.numbers import of_unit
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import CURVE_FORMS, SATURATING_FORMS, CommandLaw, law_through
+from mrwork.dampers.dependence import CURVE_FORMS, SATURATING_FORMS, Dependence, dependence_through
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.simulation import Loading, simulate_forces
 from mrwork.dampers.spec import VANISHED, DamperSpec, by_parameter, plain_parameters
@@ -43,7 +43,7 @@ class HiddenExtremum(NamedTuple):
     """An extremum of a law between two tested commands, and a law through the same values that has none."""
 
     parameter: str
-    instead: CommandLaw | None
+    instead: Dependence | None
     remark: Remark
 
 
@@ -79,7 +79,7 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
     return tuple(extrema)
 
 
-def least_curved(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> dict[str, CommandLaw]:
+def least_curved(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> dict[str, Dependence]:
     """For each parameter with a law by values the least curved form through these without an extremum between levels.
 
     Straight lines are taken where all curves have one; a parameter of which all forms have one is left out.
@@ -97,7 +97,7 @@ def least_curved(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) ->
 class FormThrough(NamedTuple):
     """A law through values at the tested commands, and its coefficients."""
 
-    law: CommandLaw
+    law: Dependence
     coefficients: Floats
 
 
@@ -118,10 +118,10 @@ def forms_through(
         if law.is_constant or law.n_coefficients != len(levels):
             continue
         values = np.clip(law.values(coefficients, nodes), parameter.lower, parameter.upper)
-        straight = law_through(levels, "straight")
+        straight = dependence_through(levels, "straight")
         through = [FormThrough(form, values) for form in (straight, *straight.other_forms(parameter))]
         for form in SATURATING_FORMS:
-            curve = law_through((levels[0], levels[-1]), form)
+            curve = dependence_through((levels[0], levels[-1]), form)
             fitted = np.array(curve.through(parameter, nodes, values))
             if np.allclose(curve.values(fitted, nodes), values, rtol=_THROUGH):
                 through.append(FormThrough(curve, fitted))
@@ -138,8 +138,8 @@ def _is_smooth(parameter: ParamSpec, share: Floats, value: Floats) -> bool:
 
 
 def _least_curved(
-    parameter: ParamSpec, laws: Sequence[CommandLaw], coefficients: Floats, command: Floats
-) -> CommandLaw | None:
+    parameter: ParamSpec, laws: Sequence[Dependence], coefficients: Floats, command: Floats
+) -> Dependence | None:
     """Of laws through the same values the least curved one within its range and without an extremum.
 
     `command` has a column for each gap, (n_per_gap, n_gaps). The curvature is the integral of the squared second
@@ -156,7 +156,7 @@ def _least_curved(
     return best
 
 
-def _passing(law: CommandLaw, coefficients: Floats, command: Floats) -> tuple[Floats, Floats]:
+def _passing(law: Dependence, coefficients: Floats, command: Floats) -> tuple[Floats, Floats]:
     """By which share of the larger end of its gap a law passes both ends at each command, and its values there."""
     value = law.values(coefficients, command.ravel()).reshape(command.shape)
     ends = value[[0, -1]]

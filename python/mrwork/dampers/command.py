@@ -134,7 +134,7 @@ class Command(NamedTuple):
         left_out = np.zeros(n_time, dtype=np.bool_)
         if self.rings_below_zero:
             below = np.asarray(self.values) < -command_noise(float(np.max(self.values)), self.unit)
-            for first, last in runs_of(below):
+            for first, last in sample_runs(below):
                 left_out[first : 2 * last - first] = True
         return left_out
 
@@ -243,7 +243,7 @@ def levels_of_command(command: CommandValues) -> tuple[float, ...]:
     return tuple(sorted(levels))
 
 
-def runs_of(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+def sample_runs(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
     """First sample, and sample beyond the last, of each run of chosen samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
     return tuple((int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork.base.arguments import AnyArray, checked, unchecked
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import Array
+from mrwork.dampers.dependence import Array
 from mrwork.errors import SettingError
 
 # A number that is not finite is refused in a sentence.
@@ -21,7 +21,7 @@ _QUIET = np.errstate(divide="ignore", invalid="ignore", over="ignore")
 
 
 # Imaginary step of a derivative, far below what adds to a real part.
-_STEP = 1e-100
+_IMAGINARY_STEP = 1e-100
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +39,8 @@ class Conversion:
 
         Squire & Trapp, SIAM Rev. 40, 1998, 110-112.
         """
-        stepped = theta[..., None, :] + 1j * _STEP * np.eye(theta.shape[-1])
-        return np.asarray(np.swapaxes(self.convert(stepped).imag / _STEP, -1, -2))
+        stepped = theta[..., None, :] + 1j * _IMAGINARY_STEP * np.eye(theta.shape[-1])
+        return np.asarray(np.swapaxes(self.convert(stepped).imag / _IMAGINARY_STEP, -1, -2))
 
     def at(self, A: float) -> Conversion:
         """The same conversion with a fixed `A`, for forms with one redundant scale parameter."""

@@ -19,7 +19,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import Array
+from mrwork.dampers.dependence import Array
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 

@@ -11,9 +11,9 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mrwork.base.arguments import Whole, checked
-from mrwork.base.effects import effect_of, with_numpy
 from mrwork.base.keys import suggestion
 from mrwork.base.recording import Cell, NotRecordedError, Recording
+from mrwork.base.side_effects import effect_of, with_numpy
 from mrwork.base.slopes import Slopes, radius_of, slopes_of
 from mrwork.base.summary import list_names
 from mrwork.base.tape import Tape, tape_of
@@ -21,12 +21,12 @@ from mrwork.base.traced import Traced, bare, inputs
 from mrwork.base.units import unit_of
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import CONSTANT
+from mrwork.dampers.dependence import CONSTANT
 from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.store.user_python import function_text, in_words, place_of, place_raised, run_text, start_of
+from mrwork.store.user_python import error_in_words, function_text, place_of, place_raised, run_text, start_of
 
 _Given = ParamSpec | tuple[str, float, float, float]
 _Role = Literal["force", "rate", "relaxation"]
@@ -298,7 +298,7 @@ class _Recorder:
 
     def _refusal(self, error: Exception) -> SettingError:
         raised = place_raised(error, start_of(self._given)[0])
-        hint = in_words(error)[:200]
+        hint = error_in_words(error)[:200]
         if "tuple indices" in hint:
             hint = "the parameters are p.NAME, not p['NAME']"
         elif isinstance(error, AttributeError) and isinstance(error.obj, self._theta):

@@ -31,7 +31,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
-from mrwork.dampers.laws import CommandLaw
+from mrwork.dampers.dependence import Dependence
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, SettingError, SimulationError
 
@@ -313,7 +313,7 @@ def _laws(spec: DamperSpec) -> tuple[list[str], int]:
 
 
 @lru_cache(maxsize=64)
-def _texts(laws: tuple[CommandLaw, ...]) -> tuple[str, ...]:
+def _texts(laws: tuple[Dependence, ...]) -> tuple[str, ...]:
     return tuple(map(str, laws))
 
 

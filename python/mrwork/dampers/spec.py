@@ -21,7 +21,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Column, Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order
+from mrwork.dampers.dependence import CONSTANT, CurrentLaws, Dependence, LawName, dependences_in_order
 from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import DRIVER_RATES, RATE_NAMES, Lag, ParamSpec
 from mrwork.errors import SettingError
@@ -77,7 +77,7 @@ class DamperSpec(Summarised):
     spring: tuple[str, str] | None
     parameters: tuple[ParamSpec, ...]
     plain: tuple[ParamSpec, ...]
-    laws: tuple[CommandLaw, ...]
+    laws: tuple[Dependence, ...]
     command_unit: CommandUnit | None = None
     lag: Lag = "none"
     own: OwnEquations | None = None
@@ -134,12 +134,12 @@ class DamperSpec(Summarised):
         return "\n".join([self.equation, *lines])
 
     @property
-    def law_pairs(self) -> list[tuple[ParamSpec, CommandLaw]]:
+    def law_pairs(self) -> list[tuple[ParamSpec, Dependence]]:
         """Each parameter of the plain model with its law."""
         return list(zip(self.plain, self.laws, strict=True))
 
     @property
-    def laws_by_name(self) -> dict[str, CommandLaw]:
+    def laws_by_name(self) -> dict[str, Dependence]:
         """The law of each parameter of the plain model by its name."""
         return {parameter.name: law for parameter, law in self.law_pairs}
 
@@ -190,7 +190,7 @@ class DamperSpec(Summarised):
 
     @checked
     def with_current_laws(
-        self, laws: Mapping[str, LawName | CommandLaw], *, unit: CommandUnit = "A", lag: Lag = "none"
+        self, laws: Mapping[str, LawName | Dependence], *, unit: CommandUnit = "A", lag: Lag = "none"
     ) -> DamperSpec:
         """Return the model with parameters that depend on the command; those not named are constant.
 
@@ -215,7 +215,7 @@ class DamperSpec(Summarised):
             raise SettingError(
                 f"{self.name} has current laws already; give them to the plain model, all at once"
             )
-        all_laws = laws_in_order(self.plain, laws, self.name)
+        all_laws = dependences_in_order(self.plain, laws, self.name)
         pairs = zip(self.plain, all_laws, strict=True)
         parameters = [
             coefficient for parameter, law in pairs for coefficient in law.coefficients_of(parameter, unit)
@@ -302,7 +302,7 @@ class Preset(Summarised):
         theta = [coefficient for coefficients in listed for coefficient in coefficients]
         if self.unit is not None:
             laws = {
-                name: CommandLaw(len(coefficients) - 1)
+                name: Dependence(len(coefficients) - 1)
                 for name, coefficients in zip(spec.names, listed, strict=True)
             }
             spec = spec.with_current_laws(
@@ -436,8 +436,8 @@ _DRIVERS: Mapping[Lag, str] = {
 }
 
 
-def with_changed_laws(
-    spec: DamperSpec, laws: Mapping[str, CommandLaw] | None = None, *, lag: Lag | None = None
+def with_other_dependences(
+    spec: DamperSpec, laws: Mapping[str, Dependence] | None = None, *, lag: Lag | None = None
 ) -> DamperSpec:
     """A model with current laws with these in place of its own, and with this lag of the driver if given."""
     assert spec.command_unit is not None
@@ -453,13 +453,13 @@ _N_COMMANDS = 201
 # A positive parameter below this share of its largest value has vanished.
 VANISHED = 1e-3
 # Share of a bound that rounding may add to a value on it.
-_ROUNDING = 1e-9
+_OVER_BOUND = 1e-9
 LAW_LEAVES_RANGE = RemarkKind("law_leaves_range", "{limit}, within the tested commands", "choose another law")
 LAW_BEYOND = RemarkKind("law_leaves_range_beyond", "{limit}", "test there before you rely on it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LawLimit:
+class DependenceLimit:
     """A parameter whose law gives a `value` that is not admissible, or has vanished, from command `first` to `last`."""
 
     parameter: str
@@ -493,7 +493,9 @@ class LawLimit:
         return kind.remark(self.parameter, measured=Measured(self.value, self.unit), limit=self.in_words)
 
 
-def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]) -> tuple[LawLimit, ...]:
+def law_limits(
+    spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
+) -> tuple[DependenceLimit, ...]:
     """Parameters whose law leaves its admissible range, or vanishes, between the smallest and the largest command.
 
     There the damper differs from what was identified: a stiffness or yield force of next to nothing, or an equation
@@ -506,14 +508,14 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     for parameter, value in law_values(spec, np.asarray(theta, dtype=np.float64), command):
         used = np.clip(value, parameter.lower, parameter.upper)
         beyond = np.abs(value - used)
-        beyond[beyond <= _ROUNDING * np.abs(used)] = 0.0
+        beyond[beyond <= _OVER_BOUND * np.abs(used)] = 0.0
         if parameter.lower > 0.0 and parameter.unit != "1":
             beyond[(beyond == 0.0) & (value < VANISHED * value.max())] = np.finfo(float).tiny
         outside = np.flatnonzero(beyond)
         if outside.size:
             worst = int(np.argmax(beyond))
             limits.append(
-                LawLimit(
+                DependenceLimit(
                     parameter=parameter.name,
                     unit=parameter.unit,
                     value=float(value[worst]),
@@ -527,9 +529,9 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     return tuple(limits)
 
 
-def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
+def worst_laws(limits: Iterable[DependenceLimit]) -> list[DependenceLimit]:
     """For each parameter the limit with the largest deviation."""
-    worst: dict[str, LawLimit] = {}
+    worst: dict[str, DependenceLimit] = {}
     for limit in limits:
         previous = worst.get(limit.parameter)
         if previous is None or abs(limit.value - limit.used) > abs(previous.value - previous.used):

@@ -17,7 +17,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_noise
-from mrwork.dampers.spec import LAW_BEYOND, DamperSpec, LawLimit, law_limits
+from mrwork.dampers.spec import LAW_BEYOND, DamperSpec, DependenceLimit, law_limits
 
 OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
 _ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
@@ -238,7 +238,7 @@ class Outside(Summarised):
     _made_by: ClassVar[str] = "fit.outside(test)"
 
     exceedances: tuple[Exceedance, ...] = ()
-    laws: tuple[LawLimit, ...] = ()
+    laws: tuple[DependenceLimit, ...] = ()
     known: bool = True
 
     @property

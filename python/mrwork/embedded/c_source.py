@@ -140,7 +140,7 @@ def head_of(name: str, sentences: Iterable[str]) -> str:
     return "\n".join(f" * {part}".rstrip() for part in parts)
 
 
-def rows_of(columns: Floats) -> str:
+def table_rows(columns: Floats) -> str:
     """A table of the check of printed code, shape (n_rows, n_columns), as C has it."""
     return ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in columns.tolist())
 

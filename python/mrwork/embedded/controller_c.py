@@ -13,7 +13,7 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.printed_loop import PrintedLoop
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, rows_of, within_comment
+from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, table_rows, within_comment
 
 _SAMPLES = 1000
 # Readings that a controller may have: unit, size in the check, largest that is believed, and words.
@@ -340,7 +340,7 @@ def _check(
         n_samples=len(columns),
         width=columns.shape[1],
         n_devices=loop.n_commanded,
-        rows=rows_of(columns),
+        rows=table_rows(columns),
         filled=filled,
         tolerance=repr(flavour.share * largest),
         allowed=commands.size // 100 if flavour.single else 0,

@@ -14,7 +14,7 @@ from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.simulation import Loading, Outcome, refuse_failure, simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
-from mrwork.embedded.c_source import CSource, Flavour, Signal, c_names, head_of, rows_of
+from mrwork.embedded.c_source import CSource, Flavour, Signal, c_names, head_of, table_rows
 from mrwork.errors import SettingError
 
 _SAMPLES = 1000
@@ -244,6 +244,6 @@ def _check(name: str, samples: Sampled, flavour: Flavour) -> str:
         "damper_check.c",
         name=name,
         n_samples=len(samples.force),
-        rows=rows_of(np.stack(columns, axis=1)),
+        rows=table_rows(np.stack(columns, axis=1)),
         tolerance=repr(flavour.share * largest),
     )

@@ -14,9 +14,9 @@ JITTER: Final = 1e-3
 """Steps that differ by less, relative to their median, count as equal."""
 
 # Times no further apart than this repeat [s]; slopes between them would overflow.
-_SAME: Final = 1e-12
+_SAME_TIME: Final = 1e-12
 # Part of the steps of an axis that are equal, and the difference up to which they are: clocks of loggers stumble.
-_MOST, _ALIKE = 0.9, 0.1
+_MOST_EQUAL, _ALIKE = 0.9, 0.1
 # A step longer than so many that are ordinary is a gap; steps over which a rate is told, odd for a median.
 _GAP_STEPS: Final = 3.0
 _PART: Final = 11
@@ -45,7 +45,7 @@ class Grid:
     @property
     def falls(self) -> NDArray[np.intp]:
         """Rows whose time does not rise above that of the row before."""
-        return 1 + np.flatnonzero(~(self.steps > _SAME))
+        return 1 + np.flatnonzero(~(self.steps > _SAME_TIME))
 
     @property
     def gaps(self) -> NDArray[np.intp]:
@@ -60,7 +60,7 @@ class Grid:
     @property
     def is_uneven(self) -> bool:
         """Whether more than a few steps are half as long as the median or less, or half as long again or more."""
-        return float(np.mean(np.abs(self.steps / self.median - 1.0) > 0.5)) > 1.0 - _MOST
+        return float(np.mean(np.abs(self.steps / self.median - 1.0) > 0.5)) > 1.0 - _MOST_EQUAL
 
     @property
     def rates(self) -> tuple[tuple[int, float], ...]:
@@ -69,7 +69,7 @@ class Grid:
             return ((0, self.median),)
         windows = np.lib.stride_tricks.sliding_window_view(self.steps, _PART)
         local = np.pad(np.median(windows, axis=1), (_PART // 2, _PART - 1 - _PART // 2), "edge")
-        if np.mean(np.abs(self.steps / local - 1.0) <= _ALIKE) < _MOST:
+        if np.mean(np.abs(self.steps / local - 1.0) <= _ALIKE) < _MOST_EQUAL:
             return ((0, self.median),)
         leaps = 1 + np.flatnonzero(np.abs(np.diff(local)) > 2.0 * _ALIKE * local[1:])
         first = [0, *(int(row) for row in leaps if row >= _PART)]
@@ -79,7 +79,7 @@ class Grid:
 
     @property
     def _ordinary(self) -> float:
-        return max(self.median, float(np.quantile(self.steps, _MOST)))
+        return max(self.median, float(np.quantile(self.steps, _MOST_EQUAL)))
 
     @property
     def runs(self) -> bool:
@@ -87,7 +87,7 @@ class Grid:
         if self.steps.size < 2 or not (self.steps > 0.0).all():
             return False
         alike = np.abs(self.steps / self.median - 1.0) <= _ALIKE
-        return bool(np.mean(alike) >= _MOST) or self.uniform is not None
+        return bool(np.mean(alike) >= _MOST_EQUAL) or self.uniform is not None
 
 
 def grid(time: Floats) -> Grid:

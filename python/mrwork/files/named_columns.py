@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.keys import closest
 from mrwork.base.summary import list_names
-from mrwork.base.units import FACTORS, CommandUnit, MeasuredQuantity, command_unit_of, quantity_of
+from mrwork.base.units import FACTORS, CommandUnit, MeasuredQuantity, quantity_of, spelt_command_unit
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.layout import numbered_names
@@ -211,7 +211,7 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
     words, at_end = words_and_unit(name)
     match = _NAME.fullmatch(plain_name(name))
     for phrase, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
-        unit, tokens = command_unit_of(text), _words(phrase)
+        unit, tokens = spelt_command_unit(text), _words(phrase)
         if (
             unit
             and tokens & _SCALAR_COMMANDS

@@ -11,8 +11,8 @@ import numpy as np
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, command_level
-from mrwork.dampers.laws import CommandLaw, LawName, law_of, laws_in_order
-from mrwork.dampers.spec import DamperSpec, with_changed_laws
+from mrwork.dampers.dependence import Dependence, LawName, dependence_of, dependences_in_order
+from mrwork.dampers.spec import DamperSpec, with_other_dependences
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, bounds_of, identifiable_form, joint_box, levels_needed
 from mrwork.identification.excerpts import excerpt, middle_excerpts, varied_excerpt
@@ -112,29 +112,29 @@ def excerpts_at(problem: Problem, theta: Floats) -> Objective:
     return problem.objective.on(problem.form.spec, whole)
 
 
-def laws_at(laws: Mapping[str, LawName | CommandLaw], commands: Floats) -> dict[str, CommandLaw]:
+def dependences_at(laws: Mapping[str, LawName | Dependence], commands: Floats) -> dict[str, Dependence]:
     """The laws, polynomials without commands written by as many values at tested commands; other laws stay."""
-    return {name: law_of(law).at_commands(commands.tolist()) for name, law in laws.items()}
+    return {name: dependence_of(law).at_commands(commands.tolist()) for name, law in laws.items()}
 
 
-def with_laws_at(
-    model: DamperSpec, laws: Mapping[str, LawName | CommandLaw], tests: Sequence[DamperTest]
+def with_dependences_at(
+    model: DamperSpec, laws: Mapping[str, LawName | Dependence], tests: Sequence[DamperTest]
 ) -> DamperSpec:
     """A model of a command with these laws, polynomials by values at the commands of the tests."""
-    laws_in_order(model.plain, laws, model.name)  # refuses a wrong word before a wrong test
-    return with_changed_laws(model, laws_at(laws, CommandedTests.of(model, tests).commands))
+    dependences_in_order(model.plain, laws, model.name)  # refuses a wrong word before a wrong test
+    return with_other_dependences(model, dependences_at(laws, CommandedTests.of(model, tests).commands))
 
 
 def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
     """The form with each polynomial law written by its values at tested commands; other bounds stay."""
-    spec = with_changed_laws(form.spec, laws_at(form.spec.laws_by_name, commands))
+    spec = with_other_dependences(form.spec, dependences_at(form.spec.laws_by_name, commands))
     if spec == form.spec:
         return form
     through = identifiable_form(spec, bounds_of(form.box, spec.names))
     return replace(through, box=joint_box(through, tests, commands))
 
 
-def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName | CommandLaw], commands: Floats) -> str:
+def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName | Dependence], commands: Floats) -> str:
     """Options that let the dampings and yield forces of a model follow these commands, beside the laws given."""
     defaults = {
         parameter.name: "linear" if parameter.unit == "N s/m" or len(commands) < 3 else "quadratic"

@@ -19,17 +19,17 @@ import numpy as np
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import POLYNOMIAL_FORMS
-from mrwork.dampers.spec import with_changed_laws
+from mrwork.dampers.dependence import POLYNOMIAL_FORMS
+from mrwork.dampers.spec import with_other_dependences
 from mrwork.identification.commands import excerpts_at
 from mrwork.identification.covariance import Covariance, autocorrelation_time
 from mrwork.identification.effects import unfitted_effects
 from mrwork.identification.fit import FAR_BETTER
+from mrwork.identification.fit_progress import on_every_test
 from mrwork.identification.minimise.driver_lag import missing_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by, up_to
-from mrwork.identification.progress import on_every_test
 from mrwork.identification.suspicious import no_better_than_linear, unlike_temperatures
 from mrwork.records import DamperTest
 from mrwork.records.motion import Differentiator
@@ -144,7 +144,7 @@ def other_law_shapes(objective: Objective, box: Box, theta: Floats) -> Iterator[
     }
     if not through:
         return
-    by_values = with_changed_laws(spec, through)
+    by_values = with_other_dependences(spec, through)
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)

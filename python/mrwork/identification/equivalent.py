@@ -219,7 +219,7 @@ _EXPONENT = 5.0
 _MARGIN = 10.0
 
 
-def fitted_laws(spec: DamperSpec, commands: Floats, values: Floats) -> Floats:
+def fitted_coefficients(spec: DamperSpec, commands: Floats, values: Floats) -> Floats:
     """Coefficients of the laws, shape (n_params,), by least squares from `values`, shape (n_levels, n_plain)."""
     if spec.command_unit is None:
         return np.asarray(values[0])
@@ -231,7 +231,7 @@ def fitted_laws(spec: DamperSpec, commands: Floats, values: Floats) -> Floats:
     return np.clip(theta, box.lower, box.upper)
 
 
-def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, commands: Floats) -> Floats:
+def in_other_dependences(earlier: DamperSpec, theta: Floats, spec: DamperSpec, commands: Floats) -> Floats:
     """Coefficients of other laws of the same model, shape (n_params,), for values `theta` of the earlier ones.
 
     A law that is the same keeps its coefficients; another one is fitted to the values of the earlier one at these

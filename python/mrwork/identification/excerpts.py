@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, levels_of_command
-from mrwork.dampers.laws import MOST_DEGREE, CommandLaw
+from mrwork.dampers.dependence import MOST_DEGREE, Dependence
 from mrwork.records.damper_test import DamperTest, command_groups, fields_of_commands
 from mrwork.records.motion import spectrum
 from mrwork.records.window import cut, settling_samples
@@ -150,7 +150,7 @@ def stretches_of(test: DamperTest) -> tuple[DamperTest, ...]:
 def _at_levels(command: Floats, degree: int | None = None) -> NDArray[np.intp]:
     """Number of the nearest level of each sample of a command, (n_time,), among as many as a `degree` needs."""
     every = levels_of_command(command)
-    levels = np.array(CommandLaw(degree).at_commands(every).nodes or every)
+    levels = np.array(Dependence(degree).at_commands(every).nodes or every)
     return np.searchsorted(0.5 * (levels[:-1] + levels[1:]), command)
 
 

@@ -18,7 +18,7 @@ from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Column, Table, as_json
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.laws import CurrentLaws
+from mrwork.dampers.dependence import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import outside_of
 from mrwork.errors import RecordError, UnknownNameError
@@ -135,7 +135,7 @@ class Direction:
 # Key that the command line adds to the record of the settings.
 _READING = "reading"
 # Share by which a value may exceed its bound after a conversion between forms of a model.
-_ROUNDING = 1e-6
+_OVER_BOUND = 1e-6
 
 STRUCTURE = 3.0
 """Multiple of the noise of the force from which on a residual is structure."""

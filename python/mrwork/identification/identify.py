@@ -23,13 +23,13 @@ from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.effects import EFFECTS_FITTED, fit_effects
 from mrwork.identification.excerpts import middle_excerpts
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
+from mrwork.identification.fit_progress import Identifying
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import points_from_optimiser, points_from_race
 from mrwork.identification.minimise.polish import FinalFit, StartingPoints, at_least_linear
 from mrwork.identification.objective import up_to
-from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.progress import Identifying
+from mrwork.identification.problem import Problem, problem_fingerprint
 from mrwork.identification.result import BuildingCost, cost_remark, fit_at
 from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.identification.verdicts import fitted_parameters
@@ -156,7 +156,7 @@ def identify_with(
     tally = problem.objective.tally
     call = Identifying(journal=journal, on_progress=on_progress, tally=tally)
     if journal is not None:
-        journal.agree("identification", fingerprint_of(problem))
+        journal.agree("identification", problem_fingerprint(problem))
         journal.carry(tally)
 
     def find_points() -> StartingPoints:

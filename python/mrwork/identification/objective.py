@@ -17,7 +17,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Misfits, simulate_misfits
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.progress import Tally, on_every_test
+from mrwork.identification.fit_progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, FitSettings
 from mrwork.identification.ties import Ties

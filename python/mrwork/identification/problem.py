@@ -20,7 +20,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.command import command_level
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import CommandLaw
+from mrwork.dampers.dependence import Dependence
 from mrwork.dampers.parameters import DRIVER_RATES, RATE_NAMES, ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
@@ -238,7 +238,7 @@ def provenance_with(
     )
 
 
-def fingerprint_of(problem: Problem) -> dict[str, object]:
+def problem_fingerprint(problem: Problem) -> dict[str, object]:
     """All inputs that determine the result bit for bit; a journal can be resumed only with the same fingerprint."""
     settings, laws = problem.settings.as_record(), problem.spec.current_laws
     return {
@@ -337,7 +337,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
 
 
 def _transfer_law(
-    parameters: Sequence[ParamSpec], law: CommandLaw, values: Floats, earlier: CommandLaw
+    parameters: Sequence[ParamSpec], law: Dependence, values: Floats, earlier: Dependence
 ) -> dict[str, float]:
     """Start of the coefficients, `parameters`, of a law from the values of an earlier law of the same parameter."""
     names = [parameter.name for parameter in parameters]

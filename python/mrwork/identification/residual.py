@@ -238,7 +238,7 @@ def loss_of(loss: LossName | LossFunction, scale: float | None) -> Loss | None:
 
 # Step of the difference quotient by a free effect: in samples where it is a time, else in its unit.
 _STEP_OF_TIME = 0.1
-_STEP = 1.0
+_STEP_OF_UNIT = 1.0
 
 
 @array_dataclass()
@@ -377,7 +377,7 @@ class ObservedTest:
             force = self._observe(run.force, theta)
             slope = self._observe(slope, theta, is_change=True)
         for column in columns[len(own) :]:
-            step = _STEP_OF_TIME * self.test.dt if self.free[column - n_own].of_time else _STEP
+            step = _STEP_OF_TIME * self.test.dt if self.free[column - n_own].of_time else _STEP_OF_UNIT
             further = theta.copy()
             further[:, column] += step
             moved = self._observe(run.force, further) - force

@@ -32,11 +32,11 @@ _MOST_DEGREE = 3
 # Least sensitivity of a combination of elements that counts, squared, of that of a single one.
 RIDGE: Final = 1e-7
 # Most steps of a lag or delay, the largest [s], and the one that ends them, in samples.
-_MOST_STEPS = 12
+_MOST_LATE_STEPS = 12
 _LONGEST_STEP = 0.01
 _CLOSE = 0.01
 # Step of the difference quotient by a lag or delay, in samples.
-_STEP = 0.1
+_LATE_STEP = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,15 +115,17 @@ class Sliders:
             return np.asarray(step)
 
         measured = self._recorded()
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MOST_LATE_STEPS):
             by_free = self._observed(forces, late, seconds)
             best = best_step(-measured, by_free)
             residuals = best @ by_free - measured
             if late is None:
                 break
             summed = tuple(best @ force for force in forces)
-            later = self._observed(summed, late, seconds + _STEP * dt) - self._observed(summed, late, seconds)
-            by_free = np.vstack([by_free, later / (_STEP * dt)])
+            later = self._observed(summed, late, seconds + _LATE_STEP * dt) - self._observed(
+                summed, late, seconds
+            )
+            by_free = np.vstack([by_free, later / (_LATE_STEP * dt)])
             step = np.clip(best_step(residuals, by_free)[-1], -_LONGEST_STEP, _LONGEST_STEP)
             last, seconds = seconds, float(np.clip(seconds + step, *(late.free or (-np.inf, np.inf))))
             if abs(seconds - last) < _CLOSE * dt:

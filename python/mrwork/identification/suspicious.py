@@ -200,7 +200,7 @@ def _differences(test: DamperTest) -> Floats:
 _FAR_WORSE = 5.0
 _RESOLVED = 0.02
 # Tests that a remark names.
-_SHOWN = 3
+_TESTS_NAMED = 3
 _WORSE = "{worse} of {tests} tests are described far worse together than alone: {0}"
 _FALSE_MINIMUM = RemarkKind(
     "false_minimum",
@@ -229,4 +229,4 @@ def worse_together(
         for index in worse
     ]
     kind = _FALSE_MINIMUM if suspected else _WORSE_TOGETHER
-    return kind.remark(list_names(both, _SHOWN), worse=len(worse), tests=len(tests))
+    return kind.remark(list_names(both, _TESTS_NAMED), worse=len(worse), tests=len(tests))

@@ -26,7 +26,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 # Characters of an expression; longer ones could be nested too deeply to be read.
-_LONGEST = 200
+_LONGEST_EXPRESSION = 200
 _GRAMMAR = "give numbers, parameters, parentheses and + - * / **, as in 2*c"
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -126,8 +126,10 @@ def _evaluate(node: ast.expr, named: Mapping[str, Any]) -> Any:
 @cache
 def _read_tie(name: str, text: str) -> ast.expr:
     """The syntax of an expression that has nothing but what the grammar permits."""
-    if len(text) > _LONGEST:
-        raise SettingError(f"the tie of {name} has {len(text)} characters; give at most {_LONGEST}")
+    if len(text) > _LONGEST_EXPRESSION:
+        raise SettingError(
+            f"the tie of {name} has {len(text)} characters; give at most {_LONGEST_EXPRESSION}"
+        )
     try:
         # Python warns of some texts that are refused here.
         with catch_warnings(action="ignore"):

@@ -16,7 +16,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import loading_for
 from mrwork.records import DamperTest
-from mrwork.twins.models import begin, evaluate_on_processor, parameters_at, twin_of
+from mrwork.twins.model_twins import begin, evaluate_on_processor, parameters_at, twin_of
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.stepping import simulate
 

@@ -65,7 +65,7 @@ class Scale:
         return _times(share, whole)
 
 
-def scales_of(
+def parameter_scales(
     spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats, effects: Sequence[Effect] = ()
 ) -> tuple[Scale, ...]:
     """The scale of each parameter, and then of each free effect, at `theta`, shape (n_params + n_effects,)."""
@@ -436,7 +436,7 @@ def fitted_parameters(
             )
             estimates[index] = replace(estimates[index], verdict=one_sided)
     taken = [index for index in free if states[index] == "" or spec.names[index] in form.fixed]
-    every = scales_of(spec, box, problem.objective.tests, values)
+    every = parameter_scales(spec, box, problem.objective.tests, values)
     scales = [every[index] for index in taken]
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     size = np.array([scale.size if scale.of_range or scale.value >= 0.0 else -scale.size for scale in scales])

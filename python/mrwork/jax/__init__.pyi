@@ -1,6 +1,6 @@
-from ..identification.traced import force as force
-from ..identification.traced import misfit as misfit
-from ..identification.traced import residuals as residuals
+from ..identification.traced_objective import force as force
+from ..identification.traced_objective import misfit as misfit
+from ..identification.traced_objective import residuals as residuals
 from ..identification.traced_twin import DamperTwin as DamperTwin
 from ..identification.traced_twin import twin as twin
 from ..tuning.traced_score import StudyScore as StudyScore

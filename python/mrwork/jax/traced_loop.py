@@ -26,7 +26,9 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.twins.loop import (
+from mrwork.twins.loop_ground import stage_values
+from mrwork.twins.loop_laws import LAWS
+from mrwork.twins.loop_twin import (
     MATRICES,
     STRETCH,
     Devices,
@@ -35,12 +37,10 @@ from mrwork.twins.loop import (
     LoopResult,
     LoopRun,
     believed_devices,
-    simulate,
+    simulate_run,
     with_theta,
 )
-from mrwork.twins.loop_ground import stage_values
-from mrwork.twins.loop_laws import LAWS
-from mrwork.twins.models import on_processor
+from mrwork.twins.model_twins import on_processor
 
 _PRESCRIBED = ""
 # What a step of a sample may be multiplied by, as the core does.
@@ -195,7 +195,7 @@ def _simulate(
         ground=inputs.acceleration,
     )
     depth = 1 + -(-delay // steps)
-    return simulate(
+    return simulate_run(
         run, n_samples, steps, n_kept=n_kept, depth=depth, prescribed=inputs.commands, histories=histories
     )
 

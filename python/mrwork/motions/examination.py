@@ -23,7 +23,7 @@ _STRONGEST, _WEAKEST = 45.0, 0.005
 # Steps of accelerograms are 1 to 20 ms; shaking tables are sampled at up to 10 kHz.
 _LONGEST_STEP, _SHORTEST_STEP = 0.1, 5e-5
 # Samples of a record of which a shape is told.
-_FEWEST = 250
+_FEWEST_WITH_SHAPE = 250
 # Wild samples: how many at most, their height over the peak, and over the next extreme. Of sixty measured and synthetic
 # records the ratio is up to 2 for low extremes, and up to 1.7 for such high ones.
 _MOST_WILD, _HEIGHT, _ABOVE_NEXT = 10, 0.5, 2.2
@@ -42,7 +42,7 @@ def refuse_absurd(acceleration: Floats, *, source: str) -> None:
         )
 
 
-_STEP: Final = RemarkKind(
+_STEP_UNLIKELY: Final = RemarkKind(
     "step_unusual",
     "ground motion {0}: its step is {value:.3g} s, and accelerograms have 1 to 20 ms",
     "check whether the times are seconds, milliseconds or sample numbers",
@@ -97,11 +97,11 @@ def motion_remarks(
     """Remarks on a motion [m/s^2], [m/s], [s], shape (n_time,); on a scaled motion, none on its size."""
     peak = float(np.abs(acceleration).max())
     if not _SHORTEST_STEP <= dt <= _LONGEST_STEP:
-        yield _STEP.remark(name, measured=Measured(dt, "s"))
+        yield _STEP_UNLIKELY.remark(name, measured=Measured(dt, "s"))
     if np.ptp(acceleration) <= 1e-9 * peak:
         yield _CONSTANT.remark(name, measured=Measured(float(acceleration[0]), "m/s^2"))
         return
-    if acceleration.size < _FEWEST:
+    if acceleration.size < _FEWEST_WITH_SHAPE:
         return
     if not scaled and not _WEAKEST <= peak <= _STRONGEST:
         yield _PEAK.remark(name, measured=Measured(peak, "m/s^2"))

@@ -218,12 +218,12 @@ def _refuse_road(motion: GroundMotion, what: str) -> None:
 # Copies that were cut, corrected, resampled or scaled have 0.95 or more. Different motions have less: up to 0.45 among
 # twenty measured records, up to 0.81 among synthetic ones of soft soil, which are nearly harmonic.
 _COPY = 0.9
-_STEP = 0.01
+_COMPARED_STEP = 0.01
 # Share of the energy of one motion, and of the other, that an overlap must hold.
-_MOST, _LEAST = 0.5, 0.1
+_MOST_ENERGY, _LEAST = 0.5, 0.1
 
 
-def likeness(one: GroundMotion, other: GroundMotion) -> float:
+def correlation_of_motions(one: GroundMotion, other: GroundMotion) -> float:
     """Largest correlation of two motions over all shifts in time, 0 to 1: 1 for a copy, also with another factor.
 
     The accelerations are correlated where the two overlap, in absolute value, for shifts that leave half the energy of
@@ -250,7 +250,7 @@ def _likeness_of_forces(one: GroundMotion, other: GroundMotion) -> float:
 
 def is_copy(one: GroundMotion, other: GroundMotion) -> bool:
     """Whether two motions are the same record up to its scale, a shift, cut ends, another step or time axis."""
-    return likeness(one, other) > _COPY
+    return correlation_of_motions(one, other) > _COPY
 
 
 # Lags [samples of 10 ms] of the autocorrelations of which copies have nearly the same, and by how much they may differ.
@@ -307,18 +307,18 @@ def copies_remarks(names: Mapping[str, Iterable[str]]) -> Iterator[Remark]:
 
 
 # Part of a record that is compared with others [s].
-_LONGEST = 3600.0
+_LONGEST_COMPARED = 3600.0
 
 
 def _on_step(motion: GroundMotion) -> Floats:
     """Accelerations every 10 ms: means of finer samples, straight lines between coarser ones."""
-    time = np.arange(0.0, min(motion.duration, _LONGEST), _STEP)
-    if motion.dt >= 0.999 * _STEP:
+    time = np.arange(0.0, min(motion.duration, _LONGEST_COMPARED), _COMPARED_STEP)
+    if motion.dt >= 0.999 * _COMPARED_STEP:
         acceleration = np.interp(time, motion.time, motion.acceleration)
     else:
         # The mean over a step is a difference of the velocity.
-        edges = np.append(time, time[-1] + _STEP) - 0.5 * _STEP
-        acceleration = np.diff(np.interp(edges, motion.time, motion.velocity)) / _STEP
+        edges = np.append(time, time[-1] + _COMPARED_STEP) - 0.5 * _COMPARED_STEP
+        acceleration = np.diff(np.interp(edges, motion.time, motion.velocity)) / _COMPARED_STEP
     return np.asarray(acceleration, dtype=np.float64)
 
 
@@ -335,7 +335,7 @@ def _largest_correlation(one: Floats, other: Floats) -> float:
     if energy[0][-1] == 0.0 or energy[1][-1] == 0.0:
         return 0.0
     shares = np.stack([part / total[-1] for part, total in zip(within, energy, strict=True)])
-    whole = (shares.max(axis=0) >= _MOST) & (shares.min(axis=0) >= _LEAST)
+    whole = (shares.max(axis=0) >= _MOST_ENERGY) & (shares.min(axis=0) >= _LEAST)
     if not whole.any():
         return 0.0
     correlations = np.abs(products[whole]) / np.sqrt(within[0][whole] * within[1][whole])

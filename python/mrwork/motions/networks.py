@@ -26,7 +26,7 @@ from mrwork.motions.series import ACCELERATION, motion_of_series
 
 _HEADER_SHOWN = 60
 # Characters of a line of a header: what searches it takes longer than in proportion.
-_LONGEST = 1000
+_LONGEST_LINE = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class Lines:
 
     def at(self, index: int) -> str:
         """Line of a header by index from 0, as much as one has; an empty text after the last."""
-        return self.texts[index][:_LONGEST] if 0 <= index < len(self.texts) else ""
+        return self.texts[index][:_LONGEST_LINE] if 0 <= index < len(self.texts) else ""
 
     def where(self, index: int) -> str:
         """Start of a message about a line: file and line number, counted from 1."""

@@ -67,7 +67,7 @@ _SMOOTHER: Final = 0.5
 
 # What a header states: a step, a rate, and a unit after its key, or after "in units of".
 _VALUE: Final = r"(?P<key>[^:=]{0,40}[:=]|\s*\([^)]*\)|)[\s/]*(?P<value>\d*\.?\d+(?:e-?\d+)?)(?![\d.-])\s*"
-_STEP: Final = re.compile(
+_STATED_STEP: Final = re.compile(
     r"(?:\bdt\b|\bdelta\b|(?:time|sampl\w*)[\s_-]*(?:step|interval|period)|intervalo de muestreo)"
     + _VALUE
     + r"(?P<unit>ms)?",
@@ -86,7 +86,7 @@ def facts_of(header: Sequence[str]) -> Stated:
         units.update(
             unit.casefold() for unit in _UNIT.findall(text) if factor_of(unit, "acceleration") is not None
         )
-        if (step := _STEP.search(text)) is not None:
+        if (step := _STATED_STEP.search(text)) is not None:
             in_ms = step["unit"] or re.search(r"\bms(ec)?\b", step["key"])
             steps.add(float(step["value"]) * (1e-3 if in_ms else 1.0))
         elif (rate := _RATE.search(text)) is not None and float(rate["value"]) > 0.0:

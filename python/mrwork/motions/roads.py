@@ -55,7 +55,7 @@ HEIGHT: Final = Role(
     any_name=True,
 )
 # Spline through fewer samples has no end condition.
-_FEWEST: Final = 4
+_FEWEST_OF_SPLINE: Final = 4
 # Of the classes: the density of class A at the reference frequency [m3], and the band [cycles/m].
 _DENSITY_OF_A, _REFERENCE, _LOWEST, _HIGHEST = 16e-6, 0.1, 0.01, 2.83
 # Length that is drawn at least [m], ten of the longest waves, so that a short road begins anywhere in them.
@@ -103,8 +103,8 @@ def road_motion(
     """
     from scipy.interpolate import CubicSpline  # slow to load
 
-    if heights.size < _FEWEST:
-        raise RecordError(f"{name}: a road of {heights.size} heights; give {_FEWEST} or more")
+    if heights.size < _FEWEST_OF_SPLINE:
+        raise RecordError(f"{name}: a road of {heights.size} heights; give {_FEWEST_OF_SPLINE} or more")
     time = dt * np.arange(heights.size, dtype=np.float64)
     spline = CubicSpline(time, heights - heights[0], bc_type=((1, np.zeros(())), "not-a-knot"))
     return GroundMotion(name=name, dt=dt, acceleration=spline(time, 2), source=source, is_road=True)
@@ -151,7 +151,7 @@ def iso_8608_road(
             f"at {speed:g} m/s a road has waves up to {speed * _HIGHEST:.3g} Hz, and samples every {dt:g} s hold "
             f"nothing above {0.5 / dt:g} Hz; give a `dt` below {0.5 / (speed * _HIGHEST):.2g} s"
         )
-    if duration < _FEWEST * dt:
+    if duration < _FEWEST_OF_SPLINE * dt:
         raise SettingError(
             f"a road of {duration:g} s every {dt:g} s; give a longer duration, or a shorter step"
         )

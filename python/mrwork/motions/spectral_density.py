@@ -139,7 +139,7 @@ SpectrumKind = Literal["kanai_tajimi", "clough_penzien"]
 # Shares of the Arias intensity between which a motion counts as strong.
 _STRONG = (0.05, 0.95)
 _HIGHEST = 25.0
-_FEWEST = 50
+_FEWEST_STRONG = 50
 # Largest logarithm of a number of a spectrum, and the share of it from which on a search has ended there.
 _END, _NEAR_END = 8.0, 0.98
 # Frequency and damping ratio of the ground where a fit begins.
@@ -232,10 +232,10 @@ def strong_part(motion: GroundMotion) -> Floats:
         raise RecordError(f"ground motion {motion.name} is zero; a spectrum needs a motion")
     first, last = (int(np.searchsorted(energy, share * energy[-1])) for share in _STRONG)
     part = motion.acceleration[first : last + 1]
-    if len(part) < _FEWEST:
+    if len(part) < _FEWEST_STRONG:
         raise RecordError(
-            f"ground motion {motion.name}: its strong part has {len(part)} samples, a spectrum needs {_FEWEST}; give a "
-            "longer record, or one of a finer step"
+            f"ground motion {motion.name}: its strong part has {len(part)} samples, a spectrum needs {_FEWEST_STRONG}; "
+            "give a longer record, or one of a finer step"
         )
     return part
 

@@ -235,7 +235,7 @@ USUAL_SOILS: Final[tuple[Soil, ...]] = ("firm", "medium", "soft")
 _GROUND: Final[dict[Soil, tuple[float, float]]] = {
     "firm": (15.0, 0.6), "medium": (10.0, 0.4), "soft": (5.0, 0.2), "rock": (30.0, 0.6),
 }  # fmt: skip
-_LONGEST, _LONGEST_WITH_PULSE = 30.0, 15.0
+_LONGEST_SHAKING, _LONGEST_WITH_PULSE = 30.0, 15.0
 _LONGEST_PERIOD = 5.0
 
 
@@ -323,7 +323,7 @@ def _suite_motion(
     )
     spectrum = CloughPenzien(soil=ground, frequency=0.1 * ground.frequency, damping=0.6)
     envelope = GammaEnvelope(
-        significant_duration=_duration(rng, _LONGEST_WITH_PULSE if has_pulse else _LONGEST),
+        significant_duration=_duration(rng, _LONGEST_WITH_PULSE if has_pulse else _LONGEST_SHAKING),
         shape=rng.uniform(3.0, 8.0),
     )
     parts = [

@@ -126,7 +126,7 @@ def logarithmic(axes: Axes, values: Floats) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def symmetric(axes: Axes) -> None:
+def make_symmetric(axes: Axes) -> None:
     """Make the range of the ordinate symmetric about zero."""
     largest = max(map(abs, axes.get_ylim()))
     axes.set_ylim(-largest, largest)

@@ -30,7 +30,7 @@ from mrwork.plots.sheet import (
     Panels,
     all_chosen,
     axes_for,
-    chosen,
+    chosen_number,
     figure,
     finished,
     panels_for,
@@ -443,7 +443,9 @@ def _predict_with_band(
     if result.bands is None:
         raise _absent(result, "calibrated band", "calibrate", "draw a prediction with its `calibration`")
     predictions = result.bands.predictions
-    prediction = predictions[chosen(test, [prediction.test.name for prediction in predictions], "test")]
+    prediction = predictions[
+        chosen_number(test, [prediction.test.name for prediction in predictions], "test")
+    ]
     others = result.bands.others(prediction) if calibration is None and len(predictions) > 1 else []
     used = calibration or result.bands.calibration
     if others:

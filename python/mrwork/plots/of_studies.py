@@ -26,7 +26,7 @@ from mrwork.plots.sheet import (
     Panels,
     all_chosen,
     axes_for,
-    chosen,
+    chosen_number,
     figure,
     finished,
     panels_for,
@@ -37,7 +37,7 @@ from mrwork.study.fragilities import Fragilities
 from mrwork.study.least_counts import DamperCounts
 from mrwork.study.results import StudyResults
 from mrwork.tuning.judging import TunedStudy
-from mrwork.tuning.results import Front, TuningResults
+from mrwork.tuning.tuned_laws import Front, TuningResults
 
 _NONE_FINISHED = "none of these runs finished, and there is nothing to draw; see `outcome`"
 RATIO = "peak_drift_ratio"
@@ -183,7 +183,11 @@ def _lines_of_study(
 ) -> list[tuple[str, Floats, Stroke]]:
     """Rows that finished under a motion, else under all judged ones: label, values (n_motions, n_heights), stroke."""
     labels = [row.label for row in results.rows]
-    motions = results.judged_motions if motion is None else (chosen(motion, results.motions.names, "motion"),)
+    motions = (
+        results.judged_motions
+        if motion is None
+        else (chosen_number(motion, results.motions.names, "motion"),)
+    )
     others = all_chosen(behind, labels, "row") if behind else []
     first = [row for row in all_chosen(rows, labels, "row") if rows or row not in others]
     of_row = strokes(results, first)
@@ -297,13 +301,13 @@ def _runs(
 ) -> dict[str, Mapping[str, Any]]:
     """Quantities of the runs of these rows or candidates under a motion that finished, by their labels."""
     if isinstance(result, StudyResults):
-        index = chosen(motion, result.motions.names, "motion")
+        index = chosen_number(motion, result.motions.names, "motion")
         labels = [row.label for row in result.rows]
         numbers = {row: result.quantities.at(row, index) for row in result.finished_rows(index)}
     else:
         n_candidates, n_motions, n_draws = result.shape
         names = result.motions if len(result.motions) == n_motions else [str(n) for n in range(n_motions)]
-        index = chosen(motion, names, "motion")
+        index = chosen_number(motion, names, "motion")
         labels = [f"candidate {number}" for number in range(n_candidates)]
         at = [(number * n_motions + index) * n_draws for number in range(n_candidates)]
         numbers = {
@@ -353,7 +357,7 @@ def fronts(
             raise SettingError(
                 f"the tuning {result.title!r} has no front; give two `objectives` or more in its table [[tune]]"
             )
-        result = result.fronts[chosen(law, [front.label for front in result.fronts], "law")]
+        result = result.fronts[chosen_number(law, [front.label for front in result.fronts], "law")]
     axes, (first, second) = axes_for(ax), result.objectives[:2]
     for label, colour, marker, points in (
         ("training", style.FAINT_INK, "o-", [point.train for point in result.points]),

@@ -23,7 +23,16 @@ from mrwork.motions.ground_motion import GroundMotion
 from mrwork.plots import canvas, style
 from mrwork.plots.canvas import draw_points, include_zero
 from mrwork.plots.samples import CYCLES_SHOWN, scattered_samples
-from mrwork.plots.sheet import Ax, Legend, axes_for, check_number, chosen, figure, finished, shown_unit_of
+from mrwork.plots.sheet import (
+    Ax,
+    Legend,
+    axes_for,
+    check_number,
+    chosen_number,
+    figure,
+    finished,
+    shown_unit_of,
+)
 from mrwork.plots.style import DisplayUnit, with_unit
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import whole_cycles
@@ -323,7 +332,7 @@ def _one(
     result: Fit | StoredRun | Prediction | DamperTest, test: str | int | None
 ) -> Prediction | DamperTest:
     several = _drawn(result)
-    return several[chosen(test, [_test_and_force(item)[0].name for item in several], "test")]
+    return several[chosen_number(test, [_test_and_force(item)[0].name for item in several], "test")]
 
 
 def _test_and_force(drawn: Prediction | DamperTest) -> tuple[DamperTest, Floats | None]:

@@ -79,7 +79,7 @@ def envelope(time: Floats, signal: Floats, bins: int) -> tuple[Floats, Floats]:
     return time[index], signal[index]
 
 
-def strong_part(time: Floats, signal: Floats, seconds: float) -> slice:
+def part_about_peak(time: Floats, signal: Floats, seconds: float) -> slice:
     """The samples of an interval of `seconds` around the peak of a signal."""
     at = time[int(np.abs(signal).argmax())]
     end = min(max(at + seconds / 2.0, time[0] + seconds), time[-1])

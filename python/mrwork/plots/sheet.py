@@ -37,7 +37,7 @@ Panels = NDArray[np.object_]
 _COLUMNS = 3
 PANEL = (2.6, 2.3)
 
-_SHOWN = {
+_DISPLAY_UNITS = {
     "m": style.MILLIMETRE,
     "m/s": style.MILLIMETRE_PER_SECOND,
     "m/s^2": DisplayUnit(symbol="m/s²", factor=1.0),
@@ -66,7 +66,7 @@ def shown_unit_of(unit: str, peak: float) -> DisplayUnit:
         return DisplayUnit(symbol=unit.replace("N", force.symbol), factor=force.factor)
     if unit == "J" and peak >= 1e4:
         return DisplayUnit(symbol="kJ", factor=1e-3)
-    return _SHOWN.get(unit, DisplayUnit(symbol=unit, factor=1.0))
+    return _DISPLAY_UNITS.get(unit, DisplayUnit(symbol=unit, factor=1.0))
 
 
 def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
@@ -96,7 +96,7 @@ def panels_for(
     return panels[:count]
 
 
-def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
+def chosen_number(name: str | int | None, names: Sequence[str], what: str) -> int:
     """Number of the one that is asked for by its name or number, the first by default."""
     if isinstance(name, str):
         check_known(name, names, f"there is no {what} {name!r}", otherwise="there is")
@@ -107,7 +107,7 @@ def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
 def all_chosen(asked: Sequence[str | int], names: Iterable[str], what: str) -> list[int]:
     """Numbers of the ones that are asked for by their names or numbers, by default of all."""
     known = [*names]
-    return [chosen(name, known, what) for name in asked] or [*range(len(known))]
+    return [chosen_number(name, known, what) for name in asked] or [*range(len(known))]
 
 
 def check_number(number: int, count: int, what: str) -> int:

@@ -15,7 +15,7 @@ from mrwork.base.numbers import in_newtons
 from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.command import runs_of
+from mrwork.dampers.command import sample_runs
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import Channel, DamperTest, Smoothing
 from mrwork.records.motion import Differentiator, SmoothMotion, reversals, spectrum
@@ -351,7 +351,7 @@ _MOVES: Final = 0.1
 def stuck_force(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of a force that a sensor or logger holds for a while within one way of the motion."""
     equal = np.diff(test.force) == 0.0
-    first, last = max(runs_of(equal), key=lambda run: run[1] - run[0], default=(0, 0))
+    first, last = max(sample_runs(equal), key=lambda run: run[1] - run[0], default=(0, 0))
     moved = np.ptp(test.displacement[first : last + 1]) > _MOVES * np.ptp(test.displacement)
     rare = np.count_nonzero(equal) - (last - first) <= _EQUAL * equal.size
     if last - first >= _STUCK_SAMPLES and moved and rare:
@@ -416,9 +416,9 @@ def clipped_samples(samples: Floats) -> NDArray[np.bool_]:
 def _clipped_peaks(samples: Floats, resolution: float) -> int:
     """Number of peaks at the maximum with steep flanks."""
     flat = samples == samples.max()
-    for first, last in runs_of(~flat):
+    for first, last in sample_runs(~flat):
         flat[first:last] = first > 0 and last < flat.size and last - first < _SHORTEST_RUN
-    begin, end = np.array(runs_of(flat)).T
+    begin, end = np.array(sample_runs(flat)).T
     inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
     begin, end = begin[inside], end[inside]
     # Both flanks must be steep; with one steep flank only, it may be a start from rest. They must be so beside the run,
@@ -554,7 +554,7 @@ _SHORTEST: Final = 4
 # A transform of a long signal takes some twenty times as long where its length has a large prime factor.
 _LONG_SIGNAL: Final = 1 << 16
 # Longest window, in periods; longer averages are not used in practice, and harmonics interfere there.
-_LONGEST: Final = 0.5
+_LONGEST_AVERAGE: Final = 0.5
 # Least depth relative to a moving average; rounding after the average fills the nulls a little. Combs of
 # harmonics can reach the same mean depth, but not equally at w and 2 w.
 _DEPTH: Final = 0.6
@@ -579,7 +579,7 @@ def detect_smoothing(test: DamperTest, frequency: float | None = None) -> Smooth
     windows = {name: detect_average(samples) for name, samples in channels}
     period = round(1.0 / (frequency * test.dt))
     for name, n_window in windows.items():
-        if n_window is not None and n_window > _LONGEST * period:
+        if n_window is not None and n_window > _LONGEST_AVERAGE * period:
             windows[name] = None
     if len(set(windows.values())) > 1:
         # A pulse in every cycle has the spectrum of an average; the difference between cycles does not contain it.

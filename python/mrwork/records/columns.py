@@ -14,10 +14,10 @@ from mrwork.base.units import (
     FACTORS,
     OTHER_COMMAND_UNITS,
     CommandUnit,
-    command_unit_of,
     factor_of,
     factor_to_si,
     quantity_of,
+    spelt_command_unit,
 )
 from mrwork.base.values import Floats
 from mrwork.dampers.command import LARGEST_COMMAND, Command
@@ -157,7 +157,7 @@ class StatedCommand:
             for quantity in COMMANDS:
                 if quantity_of(unit) == quantity:
                     return StatedCommand(quantity=quantity, column=f"{name}:{unit}")
-            if (command_unit := command_unit_of(unit)) is not None:
+            if (command_unit := spelt_command_unit(unit)) is not None:
                 return StatedCommand(column=name, unit=command_unit)
         raise UnitError(
             f"{headings.source}: the column '{name}' of the command does not say its unit; give it, as in "
@@ -172,7 +172,7 @@ class StatedCommand:
         column, colon, unit = (part.strip() for part in stated.rpartition(":"))
         unit = number[2] if number else unit
         quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
-        other = command_unit_of(unit)
+        other = spelt_command_unit(unit)
         if quantity is None and number is None and not colon:
             if not stated or _STARTS_AS_NUMBER.match(stated):
                 raise SettingError(
@@ -388,7 +388,7 @@ class Headings:
             if is_weak or is_second_choice(quantity, name) or self._claimed_by_another(quantity, name):
                 continue
             if quantity_of(unit) is None:
-                if command_unit_of(unit) is not None or self.read(name) is None:
+                if spelt_command_unit(unit) is not None or self.read(name) is None:
                     continue  # revolutions a minute, or a column of texts
                 lacks = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
                 problem = f"column '{name}' {lacks} ({', '.join(FACTORS[quantity])} are known)"

@@ -15,7 +15,7 @@ import numpy as np
 from mrwork.base.remark import OF_FILES, Measured, Remark, RemarkKind
 from mrwork.base.units import FACTORS
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import runs_of
+from mrwork.dampers.command import sample_runs
 from mrwork.errors import RecordError
 from mrwork.files.grid import last_digit
 from mrwork.records.checks import half_range, held_samples
@@ -31,7 +31,7 @@ _STILL: Final = 0.005
 # The other channel takes this share of a period at least to get to its other side.
 _SHORTEST_SWING: Final = 0.15
 # What rounding leaves of a channel that stands still, as a share of its range.
-_ROUNDING: Final = 1e-6
+_STANDS_STILL: Final = 1e-6
 _STANDS: Final = "the {0} stands still for {value:.3g} s, first from {begin:.3g} s on, while the"
 _STILL_CURE: Final = "check the sensor of the {0} and its cable, or omit that part (--from, --until)"
 _STILL_KINDS: Final = {
@@ -86,10 +86,10 @@ def _still_spans(
     swings = np.stack([(last - within)[:-1], (first + within)[1:] + 1], axis=1)
     noise = robust_deviation(raw - smooth) * gain
     stroke = float(np.ptp(smooth))
-    least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
+    least = max(min(_STILL_NOISE * noise, _STILL * stroke), _STANDS_STILL * stroke)
     padded = np.append(smooth, smooth[-1])
     ranges = (np.maximum.reduceat(padded, swings.ravel()) - np.minimum.reduceat(padded, swings.ravel()))[::2]
-    runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= at_least)
+    runs = (run for run in sample_runs(ranges <= least) if run[1] - run[0] >= at_least)
     return [
         _widen_span(smooth, begin, end, least)
         for begin, end in ((int(swings[first, 0]), int(swings[last - 1, 1])) for first, last in runs)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import runs_of
+from mrwork.dampers.command import sample_runs
 from mrwork.records.damper_test import VelocitySource
 from mrwork.records.motion import Differentiator, SmoothMotion, robust_deviation
 
@@ -71,7 +71,7 @@ class Corners:
             np.zeros((2, force.size), dtype=np.bool_),
         )
         places, dividing = list[int](), list[int]()
-        for first, last in runs_of(np.pad(of_corner, 2 * _BESIDE)):
+        for first, last in sample_runs(np.pad(of_corner, 2 * _BESIDE)):
             reach, corner = int(half[first:last].max()), (first + last) // 2
             beside = slice(max(first - reach, 0), last + reach)
             if steps[beside].max() <= leap:

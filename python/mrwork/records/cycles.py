@@ -120,13 +120,13 @@ def drift_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
 
 
 # All in periods of the dominant frequency.
-_LONGEST: Final = 0.05
-_STEP: Final = 0.001
+_LONGEST_TURN: Final = 0.05
+_TURN_STEP: Final = 0.001
 _BEFORE: Final = (0.05, 0.1)
 _FOLDED: Final = 0.25
 # End of the fit: fall of the force from the branch before the turn, in half ranges.
 _FALL: Final = 0.3
-_FEWEST: Final = 12
+_FEWEST_OF_A_BRANCH: Final = 12
 _FEWEST_TURNS: Final = 2
 _ALIKE: Final = 0.1
 # Ratio of the mean square residuals of a corner and of a smooth curve with one more parameter: 0.1 to 0.7 for
@@ -184,7 +184,7 @@ def delay_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
         return
     # The windows may agree exactly, and a corner may lie anywhere between two samples.
     between = test.dt / (np.sqrt(12.0) * period)
-    error = float(np.linalg.norm([np.ptp(delays) / 2.0, _STEP, between]))
+    error = float(np.linalg.norm([np.ptp(delays) / 2.0, _TURN_STEP, between]))
     delay = float(delays.mean())
     time, force, _ = branch
     if delay < -_SIGNIFICANT_DELAY * error and np.interp(0.0, time, force) > -_PASSED:
@@ -220,7 +220,7 @@ def _fold_periods(
     if not ahead.any(axis=1).all():
         return None
     falling -= (np.sum(falling * ahead, axis=1) / ahead.sum(axis=1))[:, np.newaxis]
-    bins = np.floor(since / _STEP).astype(np.intp)
+    bins = np.floor(since / _TURN_STEP).astype(np.intp)
     bins -= bins.min()
     count = np.bincount(bins.ravel()).astype(np.float64)
     mask = count > 0.0
@@ -231,11 +231,11 @@ def _fold_periods(
 
 def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[float, float] | None:
     """Delay of the corner [periods], and its mean square residual relative to a smooth curve; `None` without."""
-    delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
+    delays = np.arange(-_LONGEST_TURN, _LONGEST_TURN + 0.5 * _TURN_STEP, _TURN_STEP)
     windows = [_until_fallen(time, force, count, delay, before) for delay in delays]
     residual = [
         _mean_square(_with_corner((time[window] - delay) / before), force[window], count[window])
-        if window.stop - window.start >= _FEWEST
+        if window.stop - window.start >= _FEWEST_OF_A_BRANCH
         else np.inf
         for delay, window in zip(delays, windows, strict=True)
     ]
@@ -251,7 +251,7 @@ def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[
 def _until_fallen(time: Floats, force: Floats, count: Floats, delay: float, before: float) -> slice:
     """Samples from `before` the corner until the force has fallen enough from the parabola ahead of it."""
     first, turned = np.searchsorted(time, [delay - before, delay], side="right").tolist()
-    if turned - first < _FEWEST // 2:
+    if turned - first < _FEWEST_OF_A_BRANCH // 2:
         return slice(first, first)
     since = time - delay
     branch = np.polyfit(since[first:turned], force[first:turned], 2, w=np.sqrt(count[first:turned]))

@@ -21,7 +21,7 @@ from mrwork.records.columns import (
     check_specification,
     tells_a_test,
 )
-from mrwork.records.command import DISAGREES, nominal_from_name
+from mrwork.records.command_column import DISAGREES, nominal_from_name
 from mrwork.records.parts import count_parts, side_of
 from mrwork.records.read import marked_lines, read_damper_test
 from mrwork.records.rig_table import UNKNOWN, ListedTest

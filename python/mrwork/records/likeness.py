@@ -24,7 +24,7 @@ from mrwork.records.motion import regular_cycles, spectrum
 # Least number of samples in a period of a periodic motion and of any other, and most of the latter; periods of a
 # periodic motion.
 _PER_CYCLE: Final = {True: 64, False: 32}
-_MOST: Final = 2048
+_MOST_SAMPLES: Final = 2048
 _CYCLES: Final = 2
 _DIGITS: Final = 3
 # Relative differences within which periods, amplitudes and commands are of one setting of a rig. A moving average
@@ -136,7 +136,7 @@ class RecordedMotion:
                 least = max(least, whole * other.shape[1] / mine.shape[1])
             elif abs(self.period / seen.period - 1.0) > _PERIOD:
                 return None
-        elif len(seen.displacement) == _MOST:
+        elif len(seen.displacement) == _MOST_SAMPLES:
             # Of a longer motion only the first part is kept.
             least *= min(1.0, other.shape[1] / mine.shape[1])
         return _find_pattern(mine, other, least=least, limit=limit)
@@ -256,7 +256,7 @@ def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
 
 def _means(samples: Floats, n_each: float) -> Floats:
     """Means over `n_each` samples each, of the first part of a long record."""
-    edges = n_each * np.arange(min(int(samples.size / n_each), _MOST) + 1)
+    edges = n_each * np.arange(min(int(samples.size / n_each), _MOST_SAMPLES) + 1)
     total = np.concatenate([[0.0], np.cumsum(samples)])
     return np.asarray(np.diff(np.interp(edges, np.arange(total.size), total)) / n_each)
 

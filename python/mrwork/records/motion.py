@@ -86,7 +86,7 @@ def savitzky_golay(
 # 2, 4, 8, ... of them.
 _OF_SAMPLES: Final[tuple[tuple[int, int], ...]] = ((2, 3), (4, 3), (5, 4), (6, 4), (8, 5), (10, 7), (12, 8))
 _OF_MEANS: Final[tuple[tuple[int, int], ...]] = ((8, 5), (10, 7), (12, 8))
-_LONGEST: Final = 32768
+_LONGEST_WINDOW: Final = 32768
 # Samples, or means, of the shortest stretch for which these are tried.
 _CELL: Final = 8
 # A squared difference beyond noise and this multiple of it is a bias that all longer windows have, too.
@@ -237,7 +237,7 @@ def best_windows(displacement: Floats) -> NDArray[np.intp]:
     tried, length, least = _OF_SAMPLES, shortest, np.full(table.shape[2], np.inf)
     while True:
         for half, other in tried:
-            if means.size < 4 * half + 2 or half * span > _LONGEST:
+            if means.size < 4 * half + 2 or half * span > _LONGEST_WINDOW:
                 break
             cells = _compare(means, half, other) * np.array([[1.0], [variance], [variance]]) / span**2
             cells = np.pad(cells, ((0, 0), (0, table.shape[2] - cells.shape[1])), "edge")

@@ -42,7 +42,7 @@ class Effect:
         return f"force_{self.name}"
 
 
-_LONGEST = 0.5
+_LONGEST_DELAY = 0.5
 EFFECTS: Final = {
     effect.name: effect
     for effect in (
@@ -53,10 +53,10 @@ EFFECTS: Final = {
             "s",
             "late by {:.3g} s",
             of_time=True,
-            free=(-_LONGEST, _LONGEST),
+            free=(-_LONGEST_DELAY, _LONGEST_DELAY),
             of_each=True,
         ),
-        Effect("lag", "lag_seconds", "s", "lagging by {:.3g} s", of_time=True, free=(0.0, _LONGEST)),
+        Effect("lag", "lag_seconds", "s", "lagging by {:.3g} s", of_time=True, free=(0.0, _LONGEST_DELAY)),
         Effect("lowpass", "lowpass_hz", "Hz", "low-passed at {:.3g} Hz"),
         Effect("average", "average_seconds", "s", "averaged over {:.3g} s", of_time=True),
         Effect("gain", "gain", "1", "times {:.4g}", of_each=True),
@@ -107,7 +107,7 @@ class Observation:
         """
         half, delay = 0.5 * self.average_seconds / dt, self.delay_seconds / dt
         before, after = half + max(delay, 0.0), half + max(-delay, 0.0)
-        return ceil(before - _ROUNDING), ceil(after - _ROUNDING)
+        return ceil(before - _ROUNDED_SAMPLES), ceil(after - _ROUNDED_SAMPLES)
 
     @checked
     def observe(self, force: AnyNumbers, dt: Positive, acceleration: Samples | None = None) -> Floats:
@@ -145,7 +145,7 @@ AS_IT_IS = Observation()
 # Length of a moving average [samples] below which it changes less than its sums are rounded.
 _SHORTEST_AVERAGE = 1e-3
 # Samples by which a window may exceed a whole number of them by rounding.
-_ROUNDING = 1e-6
+_ROUNDED_SAMPLES = 1e-6
 # Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
 _LOWEST = 1e-7
 

@@ -17,7 +17,7 @@ from mrwork.records.motion import SmoothMotion, fit_residual, regular_cycles
 # Pulses go down to this share of their level, and at most this share of the samples is between, on edges.
 _OFF: Final = 0.1
 _ON_EDGES: Final = 0.2
-_FEWEST: Final = 10
+_FEWEST_PULSES: Final = 10
 # Share of the cycles that are as long as most, to this share or a sample; of others the mean is shorter than this [s].
 _REGULAR: Final = 0.6
 _ALIKE: Final = 0.1
@@ -28,7 +28,7 @@ _PHASES: Final = 10
 # Steps within a line of the spectrum, lines by which a frequency surely is another, longest share of a record averaged.
 _FINER: Final = 8
 _SURE: Final = 3.0
-_LONGEST: Final = 0.2
+_LONGEST_AVERAGED: Final = 0.2
 
 
 class Pulses(NamedTuple):
@@ -54,10 +54,10 @@ def pulses_of(command: Command, dt: float) -> Pulses | None:
     on = samples > 0.5 * (low + high)
     edges = np.abs(samples - 0.5 * (low + high)) < 0.25 * (high - low)
     switched = np.flatnonzero(np.diff(on))
-    if not abs(low) < _OFF * high or edges.mean() > _ON_EDGES or switched.size < 2 * _FEWEST:
+    if not abs(low) < _OFF * high or edges.mean() > _ON_EDGES or switched.size < 2 * _FEWEST_PULSES:
         return None
     cycle = 2.0 * samples.size / switched.size
-    window = min(round(_CYCLES * cycle), int(_LONGEST * samples.size))
+    window = min(round(_CYCLES * cycle), int(_LONGEST_AVERAGED * samples.size))
     # By what a driver sets the width, its pulses begin or end in time.
     for lengths in (np.diff(switched[::2]), np.diff(switched[1::2])):
         usual = float(np.median(lengths))
@@ -90,7 +90,7 @@ def _whole_periods(on: NDArray[np.bool_], cycle: float) -> int:
     ):
         whole = round(1.0 / left)
         longer = whole * window + before
-        if abs(longer) > _LONGEST * on.size:
+        if abs(longer) > _LONGEST_AVERAGED * on.size:
             break
         before, window, left = window, longer, 1.0 / left - whole
     return abs(window)

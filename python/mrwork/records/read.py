@@ -19,7 +19,7 @@ from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
-from mrwork.dampers.command import Command, quantity_of_command, runs_of
+from mrwork.dampers.command import Command, quantity_of_command, sample_runs
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.named_columns import ColumnTable
 from mrwork.files.open_table import open_table, split_part
@@ -33,7 +33,7 @@ from mrwork.records.columns import (
     stated_step,
     tells_a_test,
 )
-from mrwork.records.command import (
+from mrwork.records.command_column import (
     command_of,
     command_question,
     motion_matches_name,
@@ -246,7 +246,7 @@ def _between_gaps(velocity: Floats, signals: Signals) -> Floats:
     if not signals.missing.any():
         return velocity
     velocity = velocity.copy()
-    for first, last in runs_of(~signals.missing):
+    for first, last in sample_runs(~signals.missing):
         if last - first >= FEWEST_SAMPLES:
             velocity[first:last] = smooth_motion(signals.displacement[first:last], signals.dt).velocity
     return velocity

@@ -20,7 +20,7 @@ from mrwork.errors import SettingError
 # Kinds of remarks that a repair cures are declared there, too.
 from mrwork.records import contradictions as contradictions
 from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
-from mrwork.records.command import command_of
+from mrwork.records.command_column import command_of
 from mrwork.records.corners import Corners
 from mrwork.records.damper_test import DamperTest, fields_of_commands
 from mrwork.records.motion import smooth_motion, spectrum

@@ -65,7 +65,7 @@ class ListedTest(Summarised):
         return any(UNKNOWN in entry for entry in self.columns.values())
 
 
-def facts_of(rows: Iterable[ListedTest]) -> dict[str, str]:
+def test_facts(rows: Iterable[ListedTest]) -> dict[str, str]:
     """Facts on the tests of a run by their names: several values in a row, of dates and temperatures the range."""
     facts: dict[str, str] = {}
     every = list(rows)

@@ -14,7 +14,7 @@ from mrwork.base.arguments import Count, checked
 from mrwork.base.numbers import counted
 from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import Command, runs_of
+from mrwork.dampers.command import Command, sample_runs
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.grid import JITTER, Grid, grid
 from mrwork.records.damper_test import DamperTest
@@ -133,8 +133,8 @@ def complete_rows(
 
 # Samples of the longest spike, and largest share of a record in spikes; what takes longer may be part of the test.
 _LONGEST_SPIKE: Final = 5
-_MOST: Final = 0.02
-_FEWEST: Final = 50
+_MOST_IN_SPIKES: Final = 0.02
+_FEWEST_WITH_SPIKES: Final = 50
 # Percentiles within which a channel lies without its spikes, and the distance beyond, and the leap there and back
 # between two samples, of a spike, in ranges between these percentiles. A sine reaches 0.001 beyond.
 _WITHIN: Final = (2.0, 98.0)
@@ -151,9 +151,13 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
     low, high = np.percentile(samples, _WITHIN)
     reach = _BEYOND * (high - low)
     far = (samples < low - reach) | (samples > high + reach)
-    if reach == 0.0 or samples.size < _FEWEST or np.count_nonzero(far) > _MOST * samples.size:
+    if (
+        reach == 0.0
+        or samples.size < _FEWEST_WITH_SPIKES
+        or np.count_nonzero(far) > _MOST_IN_SPIKES * samples.size
+    ):
         return is_spike
-    for first, last in runs_of(far):
+    for first, last in sample_runs(far):
         leaps = np.abs(np.diff(samples[max(first - 1, 0) : last + 1]))
         there = first == 0 or leaps[0] > reach
         back = last == samples.size or leaps[-1] > reach
@@ -413,10 +417,10 @@ def uncompared_spans(signals: Signals, velocity: Floats) -> tuple[tuple[int, int
     displacement, left_out = signals.displacement, signals.spiky | signals.missing
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
     fastest = float(np.abs(velocity).max())
-    for first, last in runs_of(signals.missing):
+    for first, last in sample_runs(signals.missing):
         unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * signals.dt * fastest)
         left_out[first : int(np.searchsorted(travel, travel[last - 1] + unknown))] = True
-    return runs_of(left_out)
+    return sample_runs(left_out)
 
 
 def spans_with(
@@ -426,7 +430,7 @@ def spans_with(
     chosen = left_out.copy()
     for first, last in spans:
         chosen[first:last] = True
-    return runs_of(chosen)
+    return sample_runs(chosen)
 
 
 @checked

@@ -9,7 +9,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.progress import OnProgress
 from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.html import Page
-from mrwork.report.options import EveryTest, Summary
+from mrwork.report.page_options import EveryTest, Summary
 from mrwork.report.study.page import study_page
 from mrwork.runs.load import read_run
 from mrwork.store.run_folder import FIT_RUN, RunFolder

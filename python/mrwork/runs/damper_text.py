@@ -50,7 +50,7 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
         commands = levels = np.linspace(*tested.command, _COMMANDS).tolist()
         theta = np.stack([plain_parameters(spec, fit.theta, command) for command in levels])
     else:
-        values, command = parameters_at(fit, stated)
+        values, command = parameters_at_stated(fit, stated)
         commands, theta = [command], values[None]
     heading = [f"command [{spec.command_unit}]"] if spec.command_unit else []
     remarks = ["; ".join(_left_out(fit, command)) for command in commands]
@@ -106,7 +106,7 @@ def _side(estimate: FittedParameter) -> Literal["lower", "upper"]:
     return "lower" if estimate.state == "at lower bound" else "upper"
 
 
-def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:
+def parameters_at_stated(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:
     """Parameters of the plain model at a command, shape (n_plain,), and the command in the unit of the laws."""
     unit, tested = fit.spec.command_unit, fit.tested.command
     if unit is None:
@@ -157,7 +157,7 @@ def opensees_text(
             f"OpenSees has no material that equals {fit.model}; fit {' or '.join(_NORMALISED)}, or export to csv"
         )
     refuse_bounds(fit)
-    theta, command = parameters_at(fit, stated)
+    theta, command = parameters_at_stated(fit, stated)
     normalised = _NORMALISED[fit.model](theta)
     c, k, x0, k_w, rho, sigma, _ = normalised.tolist()
     loop = normalised * np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0])

@@ -176,10 +176,10 @@ def read_run(place: Path) -> Fit | StudyResults:
         return fit_of(run)
     # The wing of control, which a fit does not need, takes half as long again to load.
     if run.kind is STUDY_RUN:
-        from mrwork.study.folder import read_results
+        from mrwork.study.study_folder import read_results
 
         return read_results(place)
-    from mrwork.tuning.folder import read_tuning
+    from mrwork.tuning.tuning_folder import read_tuning
 
     return read_tuning(place)
 

@@ -21,7 +21,7 @@ from mrwork.embedded.fmu import FMIVersion, c_compiler, fmu_of
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.runs.damper_text import refuse_bounds
-from mrwork.runs.study import read_study
+from mrwork.runs.read_study import read_study
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.trials import designed
@@ -100,7 +100,7 @@ def write_files(folder: Path, files: Mapping[str, bytes], *, replace: bool) -> l
     return list(paths)
 
 
-def in_words(source: CSource, to: Literal["c", "fmu"]) -> str:
+def printed_in_words(source: CSource, to: Literal["c", "fmu"]) -> str:
     """What a user should know of printed code before he runs it."""
     steps = (
         f"{source.substeps} sub-step{'s' if source.substeps > 1 else ''} in "

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.base.hints import Node, node_of, nodes_of
+from mrwork.base.hints import Hint, node_of, nodes_of
 
 _HEX = "hex"
 _LITTLE_ENDIAN = "<f8"
@@ -67,44 +67,44 @@ def built(kind: Any, value: Any) -> Any:
 
     Keys that a dataclass does not have are left out. Raises whatever a value of another form leads to.
     """
-    match node := kind if isinstance(kind, Node) else node_of(kind):
+    match node := kind if isinstance(kind, Hint) else node_of(kind):
         case _ if value is None:
             return None
-        case Node("record", kind):
+        case Hint("record", kind):
             fields = nodes_of(kind)
             return kind(
                 **{name: built(fields[name], entry) for name, entry in value.items() if name in fields}
             )
-        case Node("either"):
+        case Hint("either"):
             return built(next(part for part in node.parts if _takes(part, value)), value)
-        case Node("items", _, (item,)):
+        case Hint("items", _, (item,)):
             return tuple(built(item, entry) for entry in value)
-        case Node("fixed"):
+        case Hint("fixed"):
             return tuple(map(built, node.parts, value))
-        case Node("by_name", _, (name, inner)):
+        case Hint("by_name", _, (name, inner)):
             return {built(name, key): built(inner, entry) for key, entry in value.items()}
-        case Node("array", scalar) if scalar in (None, np.float64):
+        case Hint("array", scalar) if scalar in (None, np.float64):
             return array_of(value)
-        case Node("array", scalar):
+        case Hint("array", scalar):
             return np.array(value, dtype=scalar)
-        case Node("scalar", kind) if kind in (int, float):
+        case Hint("scalar", kind) if kind in (int, float):
             return kind(value)
     return value
 
 
-def _takes(node: Node, value: Any) -> bool:
+def _takes(node: Hint, value: Any) -> bool:
     match node:
-        case Node("record", kind):
+        case Hint("record", kind):
             return isinstance(value, Mapping) and value.keys() <= nodes_of(kind).keys()
-        case Node("by_name"):
+        case Hint("by_name"):
             return isinstance(value, Mapping)
-        case Node("array" | "fixed" | "items"):
+        case Hint("array" | "fixed" | "items"):
             return isinstance(value, list | tuple) or (isinstance(value, Mapping) and _HEX in value)
-        case Node("enumerated", choices):
+        case Hint("enumerated", choices):
             return value in choices
-        case Node("scalar", kind) if kind is float:
+        case Hint("scalar", kind) if kind is float:
             return isinstance(value, int | float) or value in ("nan", "inf", "-inf")
-        case Node("scalar", kind):
+        case Hint("scalar", kind):
             return isinstance(value, kind)
     return True
 
@@ -116,7 +116,7 @@ def json_document(value: object) -> str:
 
 _ABSENT = "absent"
 # Characters of a value in a message.
-_LONGEST = 40
+_LONGEST_SHOWN = 40
 
 
 def digest_of(*inputs: object) -> str:
@@ -162,4 +162,4 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
 
 def _shorten_value(value: Any) -> str:
     text = "none" if value is None else str(value)
-    return f"{text[:_LONGEST]}…" if len(text) > _LONGEST else text
+    return f"{text[:_LONGEST_SHOWN]}…" if len(text) > _LONGEST_SHOWN else text

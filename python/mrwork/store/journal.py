@@ -34,7 +34,7 @@ _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
 # Largest share of the run time spent waiting for the disk. Lines that were written survive the death of the process;
 # only a power cut loses lines that have not reached the disk.
 _DISK_SHARE = 0.01
-_SHOWN = 3
+_LINES_SHOWN = 3
 _NOT_LOST = "make room and resume, nothing in it is lost"
 _ANEW = "run again with --replace, not --resume"
 
@@ -129,9 +129,9 @@ class Journal:
             self._append(subject, {"facts": stated})
             return
         if differing := differences(recorded.get("facts"), stated):
-            more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
+            more = f" and {len(differing) - _LINES_SHOWN} more" if len(differing) > _LINES_SHOWN else ""
             raise JournalError(
-                f"{self.path} is of another {subject}: {'; '.join(differing[:_SHOWN])}{more}; "
+                f"{self.path} is of another {subject}: {'; '.join(differing[:_LINES_SHOWN])}{more}; "
                 f"resume with the same inputs and settings as before, or {_ANEW}"
             )
 

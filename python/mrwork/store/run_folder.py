@@ -125,7 +125,7 @@ def chunks_beside(journal: Path) -> Path:
     return journal.with_name(f"{journal.name.removesuffix(NEW)}.chunks")
 
 
-def digest_of(name: str, content: bytes) -> str:
+def file_digest(name: str, content: bytes) -> str:
     """Digest of the content of a file; of a text it does not depend on how lines end, which some programs change."""
     whole = content.replace(b"\r\n", b"\n") if PurePath(name).suffix in _TEXTS else content
     return f"sha256:{hashlib.sha256(whole).hexdigest()}"
@@ -133,13 +133,13 @@ def digest_of(name: str, content: bytes) -> str:
 
 def digest_at(name: str, path: Path) -> str:
     """Digest of a file that has, or will have, a name."""
-    return digest_of(name, path.read_bytes())
+    return file_digest(name, path.read_bytes())
 
 
 def digest_of_manifest(stated: Mapping[str, object]) -> str:
     """Digest of what a manifest states, without itself."""
     facts = {key: value for key, value in stated.items() if key != OWN}
-    return digest_of(MANIFEST, json_document(facts).encode(errors="surrogatepass"))
+    return file_digest(MANIFEST, json_document(facts).encode(errors="surrogatepass"))
 
 
 def manifest_document(stated: Mapping[str, object]) -> bytes:
@@ -179,7 +179,7 @@ def commit(
     """
     files = dict(grown)
     for name, content in contents.items():
-        files[name] = digest_of(name, content)
+        files[name] = file_digest(name, content)
         _write(folder, name + NEW, content, flush=flush)
     manifest = {**stated, FILES: files, REPLACED: replaced}
     _replace_manifest(folder, manifest)
@@ -344,7 +344,7 @@ class RunFolder:
         if not is_there(path, file):
             return None
         content = bytes_of(path, file)
-        if digest_of(name, content) == self.files.get(name) or _reads_changed.get():
+        if file_digest(name, content) == self.files.get(name) or _reads_changed.get():
             return content
         raise RecordError(_not_as_written(self.path / name, verb))
 

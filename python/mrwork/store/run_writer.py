@@ -47,7 +47,7 @@ from mrwork.store.run_folder import (
     chunks_beside,
     commit,
     digest_at,
-    digest_of,
+    file_digest,
     is_added,
     make_folders,
     manifest_document,
@@ -379,7 +379,7 @@ def with_manifest(
     contents: Mapping[str, bytes], facts: Mapping[str, object], kind: RunKind
 ) -> dict[str, bytes]:
     """The files of a run with the manifest that lists them, for a folder that is written with others."""
-    digests = {name: digest_of(name, content) for name, content in contents.items()}
+    digests = {name: file_digest(name, content) for name, content in contents.items()}
     return {**contents, MANIFEST: manifest_document({**_stated(facts, kind), FILES: digests})}
 
 

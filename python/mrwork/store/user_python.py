@@ -58,7 +58,7 @@ def place_raised(error: BaseException, file: str) -> str:
     return f"{raised[-1][0]}, line {raised[-1][1]}" if raised else ""
 
 
-def in_words(error: BaseException) -> str:
+def error_in_words(error: BaseException) -> str:
     """Type and text of an error in one line."""
     return f"{type(error).__name__}: {reason_of(error)}"
 
@@ -85,7 +85,9 @@ def run_text(text: str, name: str) -> ModuleType:
         raise SettingError(f"{place_raised(error, name) or name}: {error}") from None
     except BaseException as error:
         raised = place_raised(error, name) or name
-        raise SettingError(f"{raised} failed when the file was run: {in_words(error)}; correct it") from None
+        raise SettingError(
+            f"{raised} failed when the file was run: {error_in_words(error)}; correct it"
+        ) from None
     return module
 
 

@@ -1,8 +1,7 @@
-from ..runs.study import read_study as read_study
-from ..runs.study import study_of as study_of
+from ..runs.read_study import read_study as read_study
+from ..runs.read_study import study_of as study_of
 from .comparison import Comparison as Comparison
 from .comparison import compared as compared
-from .folder import read_results as read_results
 from .fragilities import Fragilities as Fragilities
 from .fragilities import Fragility as Fragility
 from .fragilities import fragilities_of as fragilities_of
@@ -10,8 +9,9 @@ from .fragilities import fragility as fragility
 from .least_counts import DamperCounts as DamperCounts
 from .least_counts import damper_counts as damper_counts
 from .results import StudyResults as StudyResults
-from .run import run_study as run_study
+from .running import run_study as run_study
 from .schema import TuneTable as TuneTable
 from .study import MotionOfStudy as MotionOfStudy
 from .study import Study as Study
+from .study_folder import read_results as read_results
 from .trials import designed as designed

@@ -276,7 +276,7 @@ class FoundLaw:
     settings: Mapping[str, Any] | None
 
 
-def law_of(table: ControllerTable, place: Place, folder: Path) -> FoundLaw:
+def found_law(table: ControllerTable, place: Place, folder: Path) -> FoundLaw:
     """The law of a table with its settings; a constant command and a function of rows have none.
 
     Names of files with matrices are relative to `folder`.

@@ -25,7 +25,7 @@ from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
 from mrwork.buildings.state_space import static_condensation
 from mrwork.dampers.command import command_level
-from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
+from mrwork.dampers.dependence import MOST_DEGREE, Dependence, dependence_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError, MrworkWarning, SettingError
@@ -158,7 +158,7 @@ _Rates: TypeAlias = float | tuple[float, float] | None
 
 def _parameters(
     table: DamperTable, known: DamperSpec, theta: Sequence[float]
-) -> tuple[dict[str, CommandLaw], dict[str, tuple[float, ...]], _Rates]:
+) -> tuple[dict[str, Dependence], dict[str, tuple[float, ...]], _Rates]:
     """Laws of the parameters, their coefficients, and the rates of the lag: as known, with changes that are given."""
     laws, values = known.laws_by_name, dict[str, tuple[float, ...]]()
     lag: _Rates = table.lag
@@ -178,11 +178,11 @@ def _parameters(
             count, most = len(values[name]), MOST_DEGREE + 1
             if not 1 <= count <= most:
                 raise SettingError(f"{name} has {count} coefficients; give 1 to {most}")
-            laws[name] = CommandLaw(count - 1)
+            laws[name] = Dependence(count - 1)
     for name, law in (table.laws or {}).items():
         with keyed("laws", name):
             check_known(name, plain.names, f"{has} {name!r}", otherwise="it has")
-            laws[name] = law_of(law)
+            laws[name] = dependence_of(law)
             expected, count = laws[name].n_coefficients, len(values.get(name, ()))
             if name in values and count != expected:
                 raise SettingError(

@@ -35,9 +35,9 @@ from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
 from mrwork.study.judged_motions import RecordLevels
-from mrwork.study.options import BandLevel, FragilityLimit, ModellingDispersion
 from mrwork.study.results import StudyResults
 from mrwork.study.row_kinds import ROW_KINDS, Kind
+from mrwork.study.run_options import BandLevel, FragilityLimit, ModellingDispersion
 from mrwork.study.runs import numbered
 from mrwork.study.storeys import COLLAPSED
 
@@ -45,7 +45,7 @@ _DRAWS = 2000
 COLLAPSE: Mapping[str, float] = {"peak_drift_ratio": COLLAPSED}
 """Limit of a study that names none."""
 
-_FEWEST = 2
+_FEWEST_LEVELS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -517,7 +517,7 @@ def _with_rows(
     Both arrays are over row, record and level; NaN is where there is no run.
     """
     levels = at.levels
-    if min(len(at.records), levels.size) < _FEWEST or not np.all(np.diff(levels, prepend=0.0) > 0.0):
+    if min(len(at.records), levels.size) < _FEWEST_LEVELS or not np.all(np.diff(levels, prepend=0.0) > 0.0):
         raise SettingError(
             f"a fragility is over two records or more at several rising levels above 0, and here are "
             f"{counted(len(at.records), 'record')} at the levels {levels.tolist()} m/s^2; give several, as "

@@ -25,12 +25,12 @@ from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.errors import Interrupted, SettingError
 from mrwork.study.arrangements import baseline_building
 from mrwork.study.comparison import small_first
-from mrwork.study.course import n_constant
 from mrwork.study.fragilities import limit_of
-from mrwork.study.loop_case import LoopCase, scales_of
+from mrwork.study.loop_case import LoopCase, criterion_scales
 from mrwork.study.reading import counted_study
 from mrwork.study.row_kinds import Kind
-from mrwork.study.run import run_study
+from mrwork.study.run_reports import n_constant
+from mrwork.study.running import run_study
 from mrwork.study.runs import asking, asks_for_weighted, candidate_axes, runs_of
 from mrwork.study.schema import BaselineTable
 from mrwork.study.study import Arrangement, Row, Study
@@ -267,7 +267,7 @@ class _Stated(_Trials):
         judged = criterion(self.criterion)
         # Dashpots that a search takes out have no stroke.
         numbers = judged.value if self.criterion == "peak_stroke" else judged.of_places
-        return searched(numbers(runs, scales_of(of))).ravel() / self.limit
+        return searched(numbers(runs, criterion_scales(of))).ravel() / self.limit
 
     def _simulate(self, counts: tuple[int, ...]) -> list[float]:
         return [float(self.reached(counts).max()) * self.limit]

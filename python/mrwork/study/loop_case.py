@@ -153,7 +153,7 @@ class LoopCase:
         if self.dampers_only:
             strokes = runs.numbers["peak_stroke"][..., : len(devices)]
             runs = replace(runs, numbers={**runs.numbers, "peak_stroke": strokes})
-        return runs.criteria(scales_of(arrangement), command_unit_of(devices), self.asked)
+        return runs.criteria(criterion_scales(arrangement), command_unit_of(devices), self.asked)
 
 
 def training_case(study: Study, *, threads: int = 0, on_block: OnBlock | None = None) -> LoopCase:
@@ -189,7 +189,7 @@ def _beside(responses: Responses) -> Responses:
     )
 
 
-def scales_of(arrangement: Arrangement) -> Scales:
+def criterion_scales(arrangement: Arrangement) -> Scales:
     """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change.
 
     The weight is that of the building without dampers, and on isolators with their slab.

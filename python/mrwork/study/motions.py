@@ -28,10 +28,10 @@ from mrwork.motions.ground_motion import (
     baseline_corrected,
     check_samples,
     copies_among,
+    correlation_of_motions,
     examined,
     force_motion,
     is_copy,
-    likeness,
     refuse_floors,
     replace_samples,
     resampled,
@@ -244,7 +244,7 @@ def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
                 samples = "accelerations" if judged.ground.peak else "forces"
                 raise SettingError(
                     f"{names} are one record: their {samples} agree after a shift and a factor, correlation "
-                    f"{likeness(judged.ground, trained.ground):.3f}; {remedy}"
+                    f"{correlation_of_motions(judged.ground, trained.ground):.3f}; {remedy}"
                 )
 
 

@@ -39,7 +39,7 @@ from mrwork.motions.ground_motion import peak_push
 from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines
-from mrwork.study.arrangements import FoundLaw, arrangements, law_of, resolve_settings
+from mrwork.study.arrangements import FoundLaw, arrangements, found_law, resolve_settings
 from mrwork.study.dampers import Identified, chosen_damper, condensed_for, equip_building, other_sets
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
@@ -126,7 +126,7 @@ class _Found:
                 verb = "running" if table.program else "asking"
                 self.on_python(f"{place}: {verb} {table.place} for commands")
             case ControllerTable(), _:
-                self.laws.append(law_of(table, place, self.folder))
+                self.laws.append(found_law(table, place, self.folder))
             case Arguments(), ("target",):
                 self.target = target_spectrum(table)
             case TuneTable(), _:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrwork.closed_loop.responses import history_signals
-from mrwork.study.course import What
 from mrwork.study.histories import RunHistory, history_of
 from mrwork.study.loop_case import LoopCase
+from mrwork.study.run_reports import What
 from mrwork.study.runs import Runs, asks_for_weighted, knows_least_strokes, runs_of
 from mrwork.workers.engine import present_workers
 

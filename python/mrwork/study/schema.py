@@ -37,7 +37,7 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.dampers.laws import LawName
+from mrwork.dampers.dependence import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError, MrworkError
@@ -61,7 +61,7 @@ _PERIODS, _STEPS, _PEAKS, _COMMANDS = (0.01, 12.0), (1e-5, 0.11), (0.5, 30.0), (
 Combination = Literal["mean", "largest"]
 
 
-class Stated:
+class CheckedTable:
     """A value that checks itself: `_mistakes` are sentences, each behind the keys that lead to what is wrong."""
 
     __slots__ = ()
@@ -139,7 +139,7 @@ class UncertaintyTable:
 
 
 @checked
-class TuneTable(Stated):
+class TuneTable(CheckedTable):
     """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
 
     A candidate is scored by the mean of its criteria over i = 0, under each motion and realisation; the risk
@@ -268,7 +268,7 @@ class BraceTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DamperTable(Stated):
+class DamperTable(CheckedTable):
     """A damper across a storey: a published set, a run of `mrwork identify`, or given parameters.
 
     `count` equal dampers, twice as many if `differential`, are one group with one command. Parameters describe a
@@ -392,7 +392,7 @@ class DamperTable(Stated):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LawFileTable(Stated):
+class LawFileTable(CheckedTable):
     """A law of your own instead of one of the registry; see `mr.own_law` and `mr.closed_loop.UserLaw`.
 
     The file is run as Python when the study is read. It may import installed packages, but no other files: a study is
@@ -425,7 +425,7 @@ class LawFileTable(Stated):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerTable(Stated):
+class ControllerTable(CheckedTable):
     """A control law; `mrwork help laws` lists them with their settings.
 
     The building without dampers and i = 0 are always simulated, and so is `best_passive`, the constant command with the
@@ -544,7 +544,7 @@ GROUNDS = ("file", "acceleration", "synthetic", "suite", "road")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionTable(Stated):
+class MotionTable(CheckedTable):
     """Ground motions from files, synthetic or a suite, forces on floors, or both; each factor or level is a motion.
 
     A road is the ground under the tyre of a vehicle: its heights, or a class of ISO 8608, at a speed. Training and test
@@ -762,7 +762,7 @@ class PlacesTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportTable(Stated):
+class ReportTable(CheckedTable):
     """Figures in detail on the page, and columns of tables."""
 
     motion: str | None = optional(

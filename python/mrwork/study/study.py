@@ -606,7 +606,7 @@ def constant_commands(commands: ArrayLike) -> ControlLaw:
     return ControlLaw(name="passive", gains={"command": np.atleast_2d(commands)})
 
 
-def fingerprint_of(study: Study) -> dict[str, object]:
+def study_fingerprint(study: Study) -> dict[str, object]:
     """Fingerprint of the inputs of a study, which must be equal for a journal to resume."""
     return {
         "arrangement": [

@@ -38,8 +38,8 @@ from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import peak_push
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.course import LEVELS, ROUNDS, Course
 from mrwork.study.loop_case import LoopCase, training_case
+from mrwork.study.run_reports import LEVELS, ROUNDS, RunReports
 from mrwork.study.runs import Runs
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import (
@@ -148,7 +148,9 @@ def scan(case: LoopCase) -> tuple[BestConstant, Runs]:
     ), runs.of_row(best)
 
 
-def chosen(case: LoopCase, call: LongCall[Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
+def with_best_commands(
+    case: LoopCase, call: LongCall[Any], shares: dict[str, BestConstant]
+) -> tuple[Arrangement, str]:
     """The arrangement under its best constant commands, and a sentence on the choice.
 
     `shares` are the best shares of the largest commands that were found, by the digest of the runs.
@@ -283,7 +285,7 @@ def designed(study: Study, *, journal: Journal | None = None, on_progress: OnPro
     """
     if all(arrangement.named is None for arrangement in study.arrangements):
         return study
-    call, course = (LongCall[Study](journal=journal, on_progress=on_progress), Course(on_progress))
+    call, course = (LongCall[Study](journal=journal, on_progress=on_progress), RunReports(on_progress))
     case = training_case(study, on_block=course.advance)
     lacking = _Lacking(case=case, whole=study.problem.whole, call=call, course=course)
 
@@ -306,7 +308,7 @@ class _Lacking:
     case: LoopCase
     whole: DesignProblem
     call: LongCall[Study]
-    course: Course
+    course: RunReports
 
     def design(self, named: NamedLaw) -> tuple[ControlLaw, TakenSettings]:
         """A law with the settings that it lacks, and how they came."""

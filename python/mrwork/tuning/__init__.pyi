@@ -1,9 +1,9 @@
-from .folder import read_tuning as read_tuning
 from .judging import Judgement as Judgement
 from .judging import TunedStudy as TunedStudy
 from .judging import judge as judge
 from .judging import with_tuned_law as with_tuned_law
-from .results import Front as Front
-from .results import TunedLaw as TunedLaw
-from .results import TuningResults as TuningResults
-from .run import tune as tune
+from .tuned_laws import Front as Front
+from .tuned_laws import TunedLaw as TunedLaw
+from .tuned_laws import TuningResults as TuningResults
+from .tuning_folder import read_tuning as read_tuning
+from .tuning_run import tune as tune

@@ -19,14 +19,14 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.histories import RunHistory
 from mrwork.study.results import StudyResults
-from mrwork.study.run import run_study
+from mrwork.study.running import run_study
 from mrwork.study.runs import asking
 from mrwork.study.schema import Use
 from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.law_plan import check_controllable
 from mrwork.tuning.placing import placed_study
-from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
 from mrwork.tuning.space import LawCandidate
+from mrwork.tuning.tuned_laws import Front, FrontPoint, TunedLaw, TuningResults
 from mrwork.workers.engine import Workers, on_executor
 
 _NOT_HELD_OUT: Final = RemarkKind(

@@ -39,7 +39,7 @@ from mrwork.tuning.space import (
 
 # Step of the differences of designs, of a value or of a place in its range: far above rounding, and short, because
 # designs have kinks where another limit binds.
-_STEP = 2e-4
+_DESIGN_STEP = 2e-4
 _NODES = np.arange(-2.0, 3.0)
 
 
@@ -212,7 +212,11 @@ class LawPlan:
 
 def _differences(setting: FreeSetting, share: float) -> tuple[Floats, Floats]:
     """Five shares of the range of a setting around one, and the weights of the derivative there."""
-    step = _STEP / max(1.0, math.log(setting.upper / setting.lower)) if setting.scale == "log" else _STEP
+    step = (
+        _DESIGN_STEP / max(1.0, math.log(setting.upper / setting.lower))
+        if setting.scale == "log"
+        else _DESIGN_STEP
+    )
     shares = min(max(share, 2.0 * step), 1.0 - 2.0 * step) + step * _NODES
     powers = np.vander((shares - share) / step, increasing=True)
     return shares, np.linalg.solve(powers.T, np.eye(len(_NODES))[1]) / step

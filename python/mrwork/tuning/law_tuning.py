@@ -28,12 +28,11 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search import SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules, ended_in_words
-from mrwork.study.course import LEVELS
 from mrwork.study.row_kinds import Kind
+from mrwork.study.run_reports import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.trials import BestConstant, scan
 from mrwork.tuning.law_plan import Bench, LawPlan
-from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
 from mrwork.tuning.space import (
     BUDGET_SCALE,
     LARGEST,
@@ -44,6 +43,7 @@ from mrwork.tuning.space import (
     TuningObjective,
     is_semi_active,
 )
+from mrwork.tuning.tuned_laws import Front, FrontPoint, TracePoint, TunedLaw
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
 _STALL, _TOLERANCE = 12, 1e-4
@@ -168,7 +168,7 @@ def _sizes(
     return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
-def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
+def constant_references(bench: Bench) -> tuple[TunedLaw, ...]:
     """References at a constant command: none, the best by the score of a study, and the largest."""
     study, began = bench.study, time.perf_counter()
     found = bench.call.step("constant commands", BestConstant, lambda: scan(bench.case)[0])

@@ -22,11 +22,11 @@ from mrwork.study.reading import with_dampers
 from mrwork.study.schema import DamperTable
 from mrwork.study.study import Study, constant_commands
 from mrwork.study.trials import scan
-from mrwork.tuning.results import Placement
+from mrwork.tuning.tuned_laws import Placement
 
 Placed = Mapping[str, int]
 """Number of [[damper]] in each storey that has any, by its name."""
-_MOST: Final = 60
+_MOST_PLACEMENTS: Final = 60
 
 
 def placements_of(study: Study) -> tuple[Placed, list[Placed]]:
@@ -54,9 +54,10 @@ def placements_of(study: Study) -> tuple[Placed, list[Placed]]:
             f"dampers is {number}, and the study has {len(dampers)} [[damper]]; give one, or one for each place",
         )
     most = min(places.each or number, number)
-    placements: list[Placed] = list(islice(_spread(names, number, most), _MOST + 1))
-    if not 1 <= len(placements) <= _MOST:
-        many = f"more than {_MOST} placements; give fewer storeys, a smaller each, or fewer dampers of a larger count"
+    placements: list[Placed] = list(islice(_spread(names, number, most), _MOST_PLACEMENTS + 1))
+    if not 1 <= len(placements) <= _MOST_PLACEMENTS:
+        most_told = f"more than {_MOST_PLACEMENTS} placements"
+        many = f"{most_told}; give fewer storeys, a smaller each, or fewer dampers of a larger count"
         raise InvalidSettingError(
             "places",
             f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have "

@@ -131,7 +131,7 @@ class TuningObjective(Summarised):
         return "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
 
 
-def objective_of(
+def tuning_objective(
     table: TuneTable, command_unit: str, scales: Scales, scored: Sequence[str] = SCORE
 ) -> TuningObjective:
     """The objective of a table [[tune]], by default of the `scored` criteria, its limits in SI.

@@ -20,13 +20,13 @@ from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.law_plan import LawPlan, without_gradient
-from mrwork.tuning.results import settings_in_words
-from mrwork.tuning.run import plan_of
 from mrwork.tuning.space import LARGEST
-from mrwork.twins.models import begin
+from mrwork.tuning.tuned_laws import settings_in_words
+from mrwork.tuning.tuning_run import plan_of
+from mrwork.twins.model_twins import begin
 from mrwork.twins.traced_function import TracedFunction
 
-_ROUNDING = 1e-12
+_OUTSIDE_SPACE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
@@ -61,7 +61,7 @@ class _StudyScore:
         rows = np.asarray(settings).reshape(-1, len(self.box.names))
         # Rounding of a range that is logarithmic leaves its ends.
         theta = np.clip(rows, self.box.lower, self.box.upper)
-        inside: NDArray[np.bool_] = np.all(np.isclose(rows, theta, rtol=_ROUNDING, atol=0.0), axis=1)
+        inside: NDArray[np.bool_] = np.all(np.isclose(rows, theta, rtol=_OUTSIDE_SPACE, atol=0.0), axis=1)
         theta[~inside] = self.box.upper
         return np.clip(self.box.unit_from_theta(theta), 0.0, 1.0), 1.0 / self.box.unit_slope(theta), inside
 

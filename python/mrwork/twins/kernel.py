@@ -23,7 +23,7 @@ from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError
 from mrwork.store.codec import package_version
-from mrwork.twins.models import begin
+from mrwork.twins.model_twins import begin
 from mrwork.twins.record_arrays import RecordArrays
 
 # jax leaves these unannotated.

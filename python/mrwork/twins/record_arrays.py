@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from mrwork import _rust
-from mrwork.twins.models import on_processor
+from mrwork.twins.model_twins import on_processor
 
 
 class RecordArrays(NamedTuple):

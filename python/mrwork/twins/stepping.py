@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.models import left_of_lag, parameters_at, twin_of
+from mrwork.twins.model_twins import left_of_lag, parameters_at, twin_of
 from mrwork.twins.record_arrays import RecordArrays, motion_at
 
 

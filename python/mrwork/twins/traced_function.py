@@ -17,9 +17,9 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates, OfPoints
 from mrwork.errors import SettingError
-from mrwork.twins.models import evaluate_on_processor
+from mrwork.twins.model_twins import evaluate_on_processor
 
-_ROUNDING = 1e-12
+_OUTSIDE_BOX = 1e-12
 
 
 @partial(
@@ -123,7 +123,7 @@ def _evaluate(
         # What is no candidate fails, with derivatives of zero.
         none = jnp.isnan(point)
         if coordinates == "unit":
-            none |= (point < -_ROUNDING) | (point > 1.0 + _ROUNDING)
+            none |= (point < -_OUTSIDE_BOX) | (point > 1.0 + _OUTSIDE_BOX)
         theta = box.theta_from(jnp.where(none, 0.5, point), coordinates)
         return compute(jnp.where(jnp.any(none), jnp.nan, theta), data)
 

@@ -11,7 +11,7 @@ from .candidate_tests import Candidate as Candidate
 from .candidate_tests import Limits as Limits
 from .choice.choose import Choice as Choice
 from .choice.choose import choose_model as choose_model
-from .choice.laws import choose_laws as choose_laws
+from .choice.choose_laws import choose_laws as choose_laws
 from .choice.screening import screen_families as screen_families
 from .identifiability.profile import Profiles as Profiles
 from .identifiability.profile import profile as profile

@@ -28,7 +28,7 @@ from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import linearised_without_effects
-from mrwork.identification.verdicts import scales_of
+from mrwork.identification.verdicts import parameter_scales
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observation import Effect
@@ -36,7 +36,7 @@ from mrwork.uncertainty.bands.prediction import has_regular_cycles
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
 # Rows of a plan that a summary has.
-_SHOWN = 15
+_ROWS_SHOWN = 15
 _NOT_SIMULATED = RemarkKind("candidates_not_simulated", "not ranked, as they could not be simulated: {0}")
 _MOTIONS_REPEAT = RemarkKind(
     "motions_repeat",
@@ -93,8 +93,8 @@ class Plan(Summarised):
             Column("gain", "variance reduction", "%", shown=percent),
             Column("deviation", "deviation after the test", shown=3),
         )
-        more = len(self.gains) - _SHOWN
-        table = Table.of(columns, self.gains[:_SHOWN], note=f"and {more} more" if more > 0 else "")
+        more = len(self.gains) - _ROWS_SHOWN
+        table = Table.of(columns, self.gains[:_ROWS_SHOWN], note=f"and {more} more" if more > 0 else "")
         return Summary(
             title=f"Next tests of {self.model}",
             facts=(
@@ -176,7 +176,7 @@ class LinearisedPosterior:
         ends = np.array(
             [
                 (scale.lower, scale.upper)
-                for scale in scales_of(spec, box, objective.tests, theta, objective.compared[0].free)
+                for scale in parameter_scales(spec, box, objective.tests, theta, objective.compared[0].free)
             ]
         ).T
         lower, upper = box.unit_from_theta(np.clip(ends, box.lower, box.upper))

@@ -15,13 +15,19 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective
 from mrwork.identification.objective import Objective
-from mrwork.identification.traced import ComparedArrays, Residuals, form_of, function_of, objective_of
+from mrwork.identification.traced_objective import (
+    ComparedArrays,
+    Residuals,
+    candidate_objective,
+    form_of,
+    function_of,
+)
 from mrwork.records import DamperTest
 from mrwork.twins.traced_function import TracedFunction
 from mrwork.uncertainty.noise import Noise, noise_model
 from mrwork.uncertainty.posterior.target import with_noise
 
-_ROUNDING = 1e-12
+_OUTSIDE_BOX = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +56,7 @@ class LogLikelihood:
         lower, upper = jnp.array(
             [(parameter.lower, parameter.upper) for parameter in self.noise.parameters]
         ).T
-        inside = jnp.isclose(noise_values, jnp.clip(noise_values, lower, upper), rtol=_ROUNDING, atol=0.0)
+        inside = jnp.isclose(noise_values, jnp.clip(noise_values, lower, upper), rtol=_OUTSIDE_BOX, atol=0.0)
         noise = jnp.where(inside, noise_values, upper)
         total, failures = jnp.zeros(()), [~jnp.all(inside)]
         for deviation, (newtons, failed) in zip(
@@ -109,7 +115,7 @@ def log_likelihood(
     (6,)
     """
     density = noise_model(noise)
-    objective = objective_of(model, tests, coordinates)
+    objective = candidate_objective(model, tests, coordinates)
     compute = LogLikelihood.of(objective.objective, density, form_of(objective, substeps, threads))
     box = with_noise(objective.box, density)
     middle = box.theta_from_unit(np.full(len(box.free), 0.5))[len(objective.box.names) :]

@@ -16,7 +16,7 @@ from mrwork.errors import SettingError, WorkerError, reason_of
 # For an answer of the scheduler, and then for the first worker [s].
 _SECONDS = 10
 # Packages of which client, scheduler and workers need one version; the scheduler looks into what it passes on.
-_SAME = ("mrwork", "numpy")
+_SAME_VERSION = ("mrwork", "numpy")
 
 
 @contextmanager
@@ -64,10 +64,10 @@ def _wait_for_workers(client: Any, scheduler: str) -> None:
             f"the scheduler at {scheduler} has no worker within {_SECONDS} s; start some by "
             f"`dask worker {client.scheduler.address}`"
         ) from reason
-    versions = client.get_versions(packages=_SAME)
+    versions = client.get_versions(packages=_SAME_VERSION)
     needed = versions["client"]["packages"]
     for who, answer in {"scheduler": versions["scheduler"], **versions["workers"]}.items():
-        for package in _SAME:
+        for package in _SAME_VERSION:
             if (version := answer["packages"][package]) != needed[package]:
                 raise WorkerError(
                     f"{who} has {package} {version}, and this process {needed[package]}; install the same in the "

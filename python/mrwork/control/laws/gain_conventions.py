@@ -10,10 +10,10 @@ import numpy as np
 from mrwork.base.remark import Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.control.linear.margins import LoopMargins
-from mrwork.control.linear.plant import Plant, hold_input, symmetric
+from mrwork.control.linear.plant import Plant, hold_input, symmetric_part
 
 # Coordinates times devices, or times four, up to which the loops of other readings are looked at, in a second.
-_MOST = 400
+_MOST_LOOPS = 400
 # Least return difference of a regulator, but for the rounding of its gain, and one below which a gain is of none.
 _REGULATOR, _NO_REGULATOR = 0.995, 0.9
 # Part of displacements in a gain over that of velocities, in coordinates of the energy, below which it has hardly any.
@@ -70,7 +70,9 @@ def gain_remarks(
     its weights, which other signs, orders and sample times seldom have. `margins` are those of the loop with its
     hardware. Of 100 coordinates, or 400 coordinates times devices, and more there are none.
     """
-    if plant.n_coordinates * max(plant.n_devices, 4) > _MOST or not (np.isfinite(gain).all() and gain.any()):
+    if plant.n_coordinates * max(plant.n_devices, 4) > _MOST_LOOPS or not (
+        np.isfinite(gain).all() and gain.any()
+    ):
         return
     stable = _is_stable(plant, gain)
     is_sound = stable and _return_difference(plant, gain) > _NO_REGULATOR
@@ -181,7 +183,7 @@ def _return_difference(plant: Plant, gain: Floats, sample_time: float = 0.0) -> 
             held = np.where(size > 0.0, np.expm1(poles * sample_time) / poles, sample_time)[:, None] * pushed
         poles = np.exp(poles * sample_time)
         left = (seen / poles @ held).real
-        values, vectors = np.linalg.eigh(one - symmetric(left))
+        values, vectors = np.linalg.eigh(one - symmetric_part(left))
         unequal = np.linalg.norm(left - left.T) > _UNEQUAL * np.linalg.norm(left)
         if unequal or values.min() <= 0.0 or values.max() > 1.0 + _ROUNDING:
             return 0.0

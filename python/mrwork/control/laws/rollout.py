@@ -29,7 +29,7 @@ _FORGETTING, _COVARIANCE = 0.998, 100.0
 _COMPARED, _COUNTED = 5.0, 0.04
 # Peak rate of a device over the peak rate of a first mode at the reference drift.
 _RATE = 3.0
-_MOST = 64
+_MOST_READINGS = 64
 
 
 @checked
@@ -109,7 +109,7 @@ class RolloutSettings(LawSettings):
         "ground acceleration of the prediction: autoregressive, from its sensor, or zero",
         default="autoregressive",
     )
-    order: int = key("readings that the forecast combines", default=4, least=1, most=_MOST)
+    order: int = key("readings that the forecast combines", default=4, least=1, most=_MOST_READINGS)
     model: Model = key(
         "building of the law: elastic, by its matrices alone, or the building with storeys that yield, passive "
         "elements and P-delta",

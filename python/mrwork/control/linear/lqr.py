@@ -16,7 +16,7 @@ from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass, one_for_each
 from mrwork.buildings.plane_building import Building
-from mrwork.control.linear.plant import Outputs, Plant, check_outputs, hold_input, symmetric
+from mrwork.control.linear.plant import Outputs, Plant, check_outputs, hold_input, symmetric_part
 from mrwork.control.linear.riccati import (
     RiccatiStatus,
     attempt_each,
@@ -72,14 +72,14 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
             f"{name} is not symmetric: row {row + 1}, column {column + 1} is {matrix[row, column]:g} and row "
             f"{column + 1}, column {row + 1} is {matrix[column, row]:g}; give a symmetric matrix",
         )
-    smallest = float(np.linalg.eigvalsh(symmetric(scaled))[0])
+    smallest = float(np.linalg.eigvalsh(symmetric_part(scaled))[0])
     if smallest < -_SMALLEST:
         raise InvalidSettingError(
             name,
             f"{name} is not positive semidefinite: with a unit diagonal its smallest eigenvalue is {smallest:.3g}; "
             "give weights that are not negative, and a matrix without negative eigenvalues",
         )
-    return symmetric(matrix)
+    return symmetric_part(matrix)
 
 
 def plain_weight(numbers: Floats) -> Weights:

@@ -23,7 +23,7 @@ Complexes = NDArray[np.complex128]
 _MOST_STATES = 1200
 _FREQUENCIES = 2000
 # Decay of a pole in a sample below which it is rounding, and a gain below which the loop counts as open.
-_ROUNDING, _LEAST_GAIN = 1e-12, 1e-6
+_NO_DECAY, _LEAST_GAIN = 1e-12, 1e-6
 # Frequencies that are evaluated together, for the memory.
 _AT_ONCE = 2048
 # Places about each pole, in half widths of its resonance.
@@ -242,7 +242,7 @@ class _SampledLoop:
         closed[n : n + (past - 1) * m, n + m :] = np.eye((past - 1) * m)
         closed[n + (past - 1) * m :, :n] = -self.K
         poles = np.linalg.eigvals(closed).astype(np.complex128)
-        return bool(np.abs(poles).max() < 1.0 - _ROUNDING), poles
+        return bool(np.abs(poles).max() < 1.0 - _NO_DECAY), poles
 
     def angles(self, closed: Complexes) -> Floats:
         """Angles of z between 0 and pi, dense about the poles of the open and of the closed loop, shape (n,)."""

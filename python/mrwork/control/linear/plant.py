@@ -91,7 +91,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
             f"{len(rows)} devices have the names {several}; give each device a name of its own"
         )
     A, B, E = building.state_matrices(rows)
-    energy = scipy.linalg.block_diag(symmetric(building.stiffness), symmetric(building.mass))
+    energy = scipy.linalg.block_diag(symmetric_part(building.stiffness), symmetric_part(building.mass))
     return Plant(
         building=building,
         A=A,
@@ -104,7 +104,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     )
 
 
-def symmetric(matrix: Floats) -> Floats:
+def symmetric_part(matrix: Floats) -> Floats:
     """Symmetric part (A + A') / 2 of a matrix, without what rounding has made unequal."""
     return np.asarray(0.5 * (matrix + matrix.T), dtype=np.float64)
 

@@ -17,7 +17,7 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.linear.plant import symmetric
+from mrwork.control.linear.plant import symmetric_part
 from mrwork.errors import MrworkWarning, SettingError
 
 T = TypeVar("T")
@@ -297,11 +297,11 @@ def _solve(stacks: dict[str, Floats], time: Time, threads: int) -> RiccatiSoluti
     return RiccatiSolutions(gain=gain, P=P, residual=residual, status=status)
 
 
-_MOST_STEPS = 40
+_MOST_NEWTON_STEPS = 40
 # Largest residual over its terms, and largest share of a gain by which Newton's step still moves it.
 _OF_TERMS = 1e-7
 # A gain of this share of its terms is rounding.
-_ROUNDING = 1e-13
+_NO_GAIN = 1e-13
 # Slowest decay of a loop over its rates below which rounding decides whether it is stable.
 _LEAST_DECAY = 3e-8
 
@@ -320,10 +320,10 @@ def _judge_again(equation: Mapping[str, Floats], time: Time) -> tuple[Floats, Fl
     if T is None:
         T = np.diag(scipy.linalg.matrix_balance(equation["state"], permute=False, separate=True)[1][0])
     try:
-        upper = np.linalg.cholesky(symmetric(equation["control_weight"])).T
+        upper = np.linalg.cholesky(symmetric_part(equation["control_weight"])).T
     except np.linalg.LinAlgError:
         return None
-    Q, one = T.T @ symmetric(equation["state_weight"]) @ T, np.eye(m)
+    Q, one = T.T @ symmetric_part(equation["state_weight"]) @ T, np.eye(m)
     A = np.linalg.solve(T, equation["state"] @ T)
     B = np.linalg.solve(T, equation["control"]) @ np.linalg.inv(upper)
     N = T.T @ equation.get("cross_weight", np.zeros((n, m))) @ np.linalg.inv(upper)
@@ -347,12 +347,12 @@ def _judge_again(equation: Mapping[str, Floats], time: Time) -> tuple[Floats, Fl
             with warnings.catch_warnings():
                 warnings.simplefilter("error", scipy.linalg.LinAlgWarning)
                 K = start()
-            for _ in range(_MOST_STEPS):
+            for _ in range(_MOST_NEWTON_STEPS):
                 loop = LyapunovEquations(rate - B @ K, step)
-                P = loop.cost(symmetric(Q - 2.0 * N @ K + K.T @ K))
+                P = loop.cost(symmetric_part(Q - 2.0 * N @ K + K.T @ K))
                 before, (K, saved) = K, gain_of(P)
                 size, of_terms = norm(K), norm(B) * norm(P) + norm(N)
-                if settled := bool(norm(K - before) <= _OF_TERMS * size or size <= _ROUNDING * of_terms):
+                if settled := bool(norm(K - before) <= _OF_TERMS * size or size <= _NO_GAIN * of_terms):
                     break
         except (np.linalg.LinAlgError, scipy.linalg.LinAlgWarning, SettingError, ValueError):
             continue
@@ -362,7 +362,7 @@ def _judge_again(equation: Mapping[str, Floats], time: Time) -> tuple[Floats, Fl
         stable = loop.slowest < -_LEAST_DECAY * norm(rate, 2)
         if settled and stable and residual <= _OF_TERMS:
             back = np.linalg.inv(T)
-            return np.linalg.solve(upper, K @ back), symmetric(back.T @ P @ back), float(residual)
+            return np.linalg.solve(upper, K @ back), symmetric_part(back.T @ P @ back), float(residual)
     return None
 
 
@@ -393,7 +393,7 @@ class LyapunovEquations:
     def _solve(self, Q: Floats, *forms: str) -> Floats:
         right = -self._basis.T @ Q @ self._basis
         solution, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
-        return symmetric(self._basis @ solution @ self._basis.T / scale)
+        return symmetric_part(self._basis @ solution @ self._basis.T / scale)
 
 
 def mean_squares(rows: Floats, covariance: Floats) -> Floats:

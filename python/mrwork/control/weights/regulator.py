@@ -61,7 +61,7 @@ class SquaredRows:
         return plain + self.by_damping @ by_damping + self.by_square @ by_square
 
 
-def rows_of(
+def squared_rows(
     system: DesignSystem, limits: Floats, budgets: Floats, unit: Floats | None = None, share: float = 0.0
 ) -> SquaredRows:
     """The rows of a system; with semi-active conditions of this `share`, whose dampings are in `unit` [N s/m].

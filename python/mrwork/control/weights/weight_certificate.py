@@ -133,7 +133,7 @@ _SETTING = {"rms_drift": "drifts", "rms_acceleration": "accelerations", "rms_dis
 # Excess of the gain of the law over ratio and budget, as a factor, beyond which it is said in words.
 _NEAR = 1.05
 # Outputs and sentences on what binds that the summary shows.
-_SHOWN = 4
+_BINDING_SHOWN = 4
 # Shares of the multipliers below this one belong to limits that do not bind.
 _BINDING = 1e-4
 
@@ -309,9 +309,9 @@ class DesignedWeights(Summarised):
                 ("law's gain", check.law_in_words),
                 ("control weight", f"{weights} 1/N2"),
             ),
-            tables=[Table.of(columns, np.argsort(-over, kind="stable")[:_SHOWN].tolist())],
+            tables=[Table.of(columns, np.argsort(-over, kind="stable")[:_BINDING_SHOWN].tolist())],
             remarks=self.remarks,
-            notes=(*self.origin, *self._reached_in_words[: 1 + _SHOWN]),
+            notes=(*self.origin, *self._reached_in_words[: 1 + _BINDING_SHOWN]),
         )
 
 

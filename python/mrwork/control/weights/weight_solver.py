@@ -23,7 +23,7 @@ from mrwork.control.weights.regulator import (
     dual_point,
     like_a_damper,
     regulate,
-    rows_of,
+    squared_rows,
 )
 from mrwork.control.weights.system import DesignSystem, design_system, useful_force
 from mrwork.control.weights.weight_certificate import DesignedWeights, binding_in_words, certificate_of
@@ -179,8 +179,8 @@ class _Task:
         """Rows of the limits and budgets of a system, and of its semi-active condition where there is one."""
         limits = self.level * self.outputs.limits
         if self.semi_active is None:
-            return rows_of(system, limits, self.budgets)
-        return rows_of(system, limits, self.budgets, self.unit, self.semi_active.share)
+            return squared_rows(system, limits, self.budgets)
+        return squared_rows(system, limits, self.budgets, self.unit, self.semi_active.share)
 
     def solve(self, system: DesignSystem) -> tuple[WeightProgram, DualPoint]:
         """The multipliers by a program on a system, judged on the whole building.

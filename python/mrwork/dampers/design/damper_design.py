@@ -21,9 +21,9 @@ from mrwork.base.numbers import of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
+from mrwork.dampers.dependence import LawName
 from mrwork.dampers.design.flow import FlowModel, Length, Slot, broadcast, pressure_drop, roots_between
 from mrwork.dampers.design.materials import Fields, MRFluid, Steel, steel
-from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 

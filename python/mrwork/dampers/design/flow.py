@@ -33,7 +33,7 @@ _NODES, _WEIGHTS = 0.5 + 0.5 * _GAUSS[0], 0.5 * _GAUSS[1]
 # Doublings of the pressure gradient in the search of its upper bound.
 _DOUBLINGS = 200
 # Steps of a root, and its relative tolerance.
-_MOST_STEPS = 200
+_MOST_ROOT_STEPS = 200
 _TOLERANCE = 4.0 * np.finfo(np.float64).eps
 
 
@@ -237,7 +237,7 @@ def roots_between(function: Callable[[Floats], Floats], low: Floats, high: Float
     share = np.full(a.shape, 0.5)
     one_signed = np.sign(f_a) == np.sign(f_b)
     best = np.where(np.abs(f_a) < np.abs(f_b), a, b)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MOST_ROOT_STEPS):
         x = a + share * (b - a)
         f_x = function(x)
         same = np.sign(f_x) == np.sign(f_a)

@@ -17,8 +17,8 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum, OnStep
 from mrwork.identification.objective import NormalEquations, Objective, once
-from mrwork.identification.traced import Residuals, arrays_of
-from mrwork.twins.models import on_processor
+from mrwork.identification.traced_objective import Residuals, arrays_of
+from mrwork.twins.model_twins import on_processor
 
 # Relative and absolute tolerance of the squared misfit and of the coordinates.
 _TOLERANCE = 1e-7

@@ -13,7 +13,7 @@ from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import DRIVER_RATES, RATE_NAMES, Lag
-from mrwork.dampers.spec import DamperSpec, with_changed_laws
+from mrwork.dampers.spec import DamperSpec, with_other_dependences
 from mrwork.identification.commands import CommandedTests
 from mrwork.identification.equivalent import bounds_of, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import OnStep, find_minima
@@ -93,7 +93,7 @@ def missing_lag(objective: Objective, theta: Floats, box: Box) -> Iterator[Remar
 
 def _best_rate(objective: Objective, theta: Floats) -> tuple[Objective, float, float]:
     """The objective with a lag, and the tried rate with which a fit `theta` without one has the least misfit."""
-    lagged = objective.on(with_changed_laws(objective.spec, lag="one_rate"), objective.tests)
+    lagged = objective.on(with_other_dependences(objective.spec, lag="one_rate"), objective.tests)
     tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
     best = int(np.argmin(tried))
     return lagged, _TRIED_RATES[best], float(tried[best])
@@ -177,7 +177,7 @@ def _polish_with_one_rate(problem: Problem, points: StartingPoints, *, on_step: 
 
 def _with_lag(problem: Problem, lag: Lag) -> Problem:
     """The problem with another lag, without what the user has said of the rates of its own."""
-    spec = with_changed_laws(problem.spec, lag=lag)
+    spec = with_other_dependences(problem.spec, lag=lag)
 
     def drop_rates(values: Mapping[str, T]) -> dict[str, T]:
         return {name: value for name, value in values.items() if name not in RATE_NAMES}

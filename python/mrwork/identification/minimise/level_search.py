@@ -21,15 +21,16 @@ from mrwork.dampers.spec import DamperSpec, plain_parameters
 from mrwork.identification.commands import CommandedTests, excerpts_of, form_through_values
 from mrwork.identification.equivalent import (
     Form,
-    fitted_laws,
+    fitted_coefficients,
+    in_other_dependences,
     joint_box,
     leaves_range,
     plain_of,
     search_box,
     widened,
-    with_other_laws,
     within_range,
 )
+from mrwork.identification.fit_progress import EXCERPTS, Identifying, OnSearch, part_of
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import Population, optimise, plain_routes
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
@@ -42,10 +43,9 @@ from mrwork.identification.minimise.race import (
     race,
     same_minimum,
 )
-from mrwork.identification.minimise.varying_search import scaled_laws
+from mrwork.identification.minimise.varying_search import scaled_dependences
 from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import EXCERPTS, Identifying, OnSearch, part_of
 from mrwork.identification.settings import Race, Start
 from mrwork.identification.suspicious import far_worse, worse_together
 from mrwork.records import DamperTest
@@ -169,7 +169,7 @@ class _LevelSearch:
         def starts(number: int) -> Floats:
             if near is not None and number == 0:
                 theta = self.problem.inside([near[name] for name in self.problem.spec.names])
-                joint = with_other_laws(self.form.spec, theta, self.joint.spec, self.commands)
+                joint = in_other_dependences(self.form.spec, theta, self.joint.spec, self.commands)
                 self.fits = at_levels(self.joint.spec, joint, self.commands.tolist())
                 return np.asarray(self.joint.box.inside(joint[None]))
             if number == (near is not None):
@@ -238,7 +238,7 @@ class _LevelSearch:
             settings=self.settings,
             rng=seed,
             on_search=on_search,
-            laws_of=scaled_laws(self.joint, objective.tests, self.commands),
+            laws_of=scaled_dependences(self.joint, objective.tests, self.commands),
         )
         return race(
             objective,
@@ -265,7 +265,7 @@ class _LevelSearch:
 
     def _in_own_laws(self, theta: Floats) -> Floats:
         """Points of the joint form in the laws of the fit."""
-        rows = [with_other_laws(self.joint.spec, row, self.form.spec, self.commands) for row in theta]
+        rows = [in_other_dependences(self.joint.spec, row, self.form.spec, self.commands) for row in theta]
         return np.asarray(self.form.box.inside(np.array(rows)))
 
     def _part(self, fitted: str, best: Callable[[Floats], Floats]) -> OnSearch:
@@ -339,7 +339,7 @@ class _LevelSearch:
             ratio = (force / force[index])[:, None]
             chosen.append(np.where(scales, ratio * best[index], best[index]))
             chosen.append(np.where(follows, best, best[index]))
-        shapes = [fitted_laws(spec, self.commands, values) for values in chosen]
+        shapes = [fitted_coefficients(spec, self.commands, values) for values in chosen]
         first, *others = joint_starts(spec, list(fits), 1 + _RANDOM_STARTS, rng=rng)
         return np.array([first, *shapes, *others])
 
@@ -439,5 +439,5 @@ def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng
         )
         if start > 0:
             values = values * np.exp(_SPREAD * random.standard_normal(values.shape))
-        starts.append(fitted_laws(spec, commands, values))
+        starts.append(fitted_coefficients(spec, commands, values))
     return np.array(starts)

@@ -17,6 +17,7 @@ from mrwork.errors import SimulationError
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.equivalent import search_box, widened
 from mrwork.identification.fit import SearchTrace
+from mrwork.identification.fit_progress import EXCERPTS, Found, Identifying, OnSearch, part_of
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
 from mrwork.identification.minimise.race import (
     Route,
@@ -28,7 +29,6 @@ from mrwork.identification.minimise.race import (
 )
 from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import EXCERPTS, Found, Identifying, OnSearch, part_of
 from mrwork.identification.settings import Race
 
 if TYPE_CHECKING:

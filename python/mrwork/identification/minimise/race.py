@@ -22,6 +22,7 @@ from mrwork.base.arguments import Seed
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.fit import SearchTrace
+from mrwork.identification.fit_progress import Found, Identifying, OnSearch
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.minimise.stiffness import (
     is_at_stiffness_limit,
@@ -30,12 +31,11 @@ from mrwork.identification.minimise.stiffness import (
 )
 from mrwork.identification.minimise.straight import Straight
 from mrwork.identification.objective import NormalEquations, Objective, friction_limit, up_to
-from mrwork.identification.progress import Found, Identifying, OnSearch
 from mrwork.identification.settings import Race
 from mrwork.search.unit_cube import Streams, latin_hypercube
 
 # Misfits of one minimum differ by less than this share of the least, within limits of 0.002 and 0.04 points.
-_SAME, _SAME_LEAST, _SAME_MOST = 0.02, 2e-5, 4e-4
+_SAME_MINIMUM, _SAME_LEAST, _SAME_MOST = 0.02, 2e-5, 4e-4
 # After so many iterations the best starts that are still apart, in unit coordinates, go on: this share of them, and of
 # those that look past the best minimum.
 _FIRST_ITERATIONS = 3
@@ -147,7 +147,7 @@ def race(
 
 def same_minimum(least: float) -> float:
     """The largest misfit of a point that has met the minimum of this misfit."""
-    return least + min(max(_SAME * least, _SAME_LEAST), _SAME_MOST)
+    return least + min(max(_SAME_MINIMUM * least, _SAME_LEAST), _SAME_MOST)
 
 
 def minima_from(

@@ -15,11 +15,11 @@ from mrwork.dampers.parameters import DRIVER_RATES
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.commands import CommandedTests, excerpts_of
 from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box, widened
+from mrwork.identification.fit_progress import EXCERPTS, Identifying, part_of
 from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, Population, alone_doubt, optimise
 from mrwork.identification.minimise.polish import StartingPoints
 from mrwork.identification.minimise.race import Route, draw_samples, race
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import EXCERPTS, Identifying, part_of
 from mrwork.identification.settings import Race
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -31,7 +31,9 @@ _RATES = (1.0, 0.2, 5.0)
 _LEAST_FORCE = 0.1
 
 
-def scaled_laws(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Callable[[Floats], Floats]:
+def scaled_dependences(
+    form: Form, tests: tuple[DamperTest, ...], commands: Floats
+) -> Callable[[Floats], Floats]:
     """Map from plain parameters at the mean command, (n_batch, n_plain), to coefficients, (n_batch, n_params).
 
     Parameters that have a law and scale with the force follow the straight line of the measured force over the command;
@@ -93,7 +95,7 @@ def points_from_scaled_forces(
     searched = search_box(plain, box, tests)
     wide = widened(searched, box)
     form = replace(problem.form, box=joint_box(problem.form, tests, tested.commands))
-    laws_of = scaled_laws(form, tests, tested.commands)
+    laws_of = scaled_dependences(form, tests, tested.commands)
     on_search = part_of(call.on_search, 0.0, 1.0, fitted=EXCERPTS)
     settings = search if isinstance(search, Race) else Race(most_rounds=1)
 

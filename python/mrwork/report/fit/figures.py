@@ -61,7 +61,7 @@ def history_figure(drawn: Prediction, unit: str) -> Figure:
     finish_signed(upper)
     upper.set_xlabel("")
     residuals(drawn, lower, unit=unit)
-    canvas.symmetric(lower)
+    canvas.make_symmetric(lower)
     canvas.finish(lower, y_bins=3)
     time = drawn.test.time
     margin = 0.0 if time.size > 1 else 0.5

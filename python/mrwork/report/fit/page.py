@@ -18,7 +18,7 @@ from mrwork.report.fit import later
 from mrwork.report.fit.agreement import amplitude_section, tests_section
 from mrwork.report.fit.figures import common_unit
 from mrwork.report.fit.front import fit_lead
-from mrwork.report.fit.parameters import parameters_section
+from mrwork.report.fit.parameter_sections import parameters_section
 from mrwork.report.fit.residuals import residual_section
 from mrwork.report.fit.search import search_section
 from mrwork.report.html import Page, page_html

@@ -28,7 +28,7 @@ from mrwork.uncertainty.residual_tests import (
 )
 
 # Share of the mean square from which on the residuals are called the model's error.
-_MOST = 0.5
+_MOST_BY_NOISE = 0.5
 _QUANTILES = 120
 _LEAST_LAGS = 40
 _LINE_POINTS = 300
@@ -123,7 +123,7 @@ def _origin(repeating: Sequence[float]) -> str:
     """Sentence on whether the residuals are mostly model error, from the share that repeats in every cycle."""
     if not repeating:
         return "Model error and correlated noise cannot be distinguished without repeated cycles."
-    if float(np.median(repeating)) > _MOST:
+    if float(np.median(repeating)) > _MOST_BY_NOISE:
         return (
             "What repeats from cycle to cycle is error of the model, not noise. Longer records of the same motion do "
             "not reduce it; another model may."

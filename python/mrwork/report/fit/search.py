@@ -29,7 +29,7 @@ def search_section(fit: Fit) -> Section:
     course = panel(
         "search",
         "Misfit during the search",
-        convergence(fit.trace, fit.nrmse if fit.refinement_steps else None),
+        convergence_figure(fit.trace, fit.nrmse if fit.refinement_steps else None),
         f"NRMSE of the best and of the median candidate against simulated candidates, "
         f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}",
     )
@@ -47,7 +47,7 @@ def search_section(fit: Fit) -> Section:
     )
 
 
-def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
+def convergence_figure(trace: SearchTrace, refined: float | None = None) -> Figure:
     """Best and median NRMSE of the population against evaluations; a dotted line marks the refined misfit."""
     figure, axes = column_axes()
     evaluations = np.asarray(trace.evaluations, dtype=np.float64)

@@ -18,7 +18,7 @@ from mrwork.plots import canvas, style
 from mrwork.plots.of_studies import Stroke, energies, ida, name_heights, short, storey_profiles
 from mrwork.plots.of_studies import fragility as draw_fragility
 from mrwork.plots.of_tests import Motion, commands, loops
-from mrwork.plots.samples import envelope, strong_part
+from mrwork.plots.samples import envelope, part_about_peak
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import Comparison
 from mrwork.study.fragilities import Fragilities, fragility
@@ -54,7 +54,7 @@ def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figu
         axes.plot(*envelope(time, values, _BINS), color=colour, linewidth=width)
     canvas.finish(axes, ordinate, "Time (s)")
     axes.margins(x=0.0)
-    canvas.symmetric(axes)
+    canvas.make_symmetric(axes)
     return figure
 
 
@@ -75,9 +75,9 @@ def _signals(history: RunHistory, part: slice) -> History:
 def strip_of(history: RunHistory) -> slice:
     """The samples of a strip around the largest force of the first damper, with few enough turns to be seen."""
     time, force = history.time, history.force[:, 0]
-    steps = np.diff(history.command[strong_part(time, force, _STRIP_SECONDS), 0])
+    steps = np.diff(history.command[part_about_peak(time, force, _STRIP_SECONDS), 0])
     turns = int(np.count_nonzero(np.diff(np.sign(steps[steps != 0.0]))))
-    return strong_part(time, force, _STRIP_SECONDS * min(1.0, _STRIP_TURNS / max(turns, 1)))
+    return part_about_peak(time, force, _STRIP_SECONDS * min(1.0, _STRIP_TURNS / max(turns, 1)))
 
 
 ReadHistory = Callable[[int, int], RunHistory | None]
@@ -149,7 +149,7 @@ def device_section(
     for row, history in shown:
         label, stroke, panels = results.rows[row].label, of_row[row], []
         # In the strong part of the ground motion.
-        part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
+        part = part_about_peak(history.time, history.force[:, 0], _LOOP_SECONDS)
         drawn_part = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
         for over in get_args(Motion):
             figure, axes = canvas.small_axes()

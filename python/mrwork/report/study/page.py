@@ -32,7 +32,7 @@ from mrwork.study.results import StudyResults, largest_step_changes
 from mrwork.study.storeys import OVERTURNING, SHEAR, limits_in_words, storey_table
 from mrwork.study.tables import ShownRows, bands_of_study, shown_rows, step_table, value_table
 from mrwork.tuning.judging import TunedStudy
-from mrwork.tuning.results import (
+from mrwork.tuning.tuned_laws import (
     Front,
     FrontPoint,
     TunedLaw,
@@ -185,7 +185,7 @@ def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[
 
 
 # Letters of a label in a figure.
-_LONGEST = 30
+_LONGEST_LABEL = 30
 
 
 def tuning_sections(results: TunedStudy) -> Iterator[Section]:
@@ -290,7 +290,7 @@ def _search_section(results: TuningResults) -> Section:
             where="post",
             color=style.hue(number),
             linewidth=1.4 if number < len(style.HUES) else 0.6,
-            label=short(law.label, _LONGEST),
+            label=short(law.label, _LONGEST_LABEL),
         )
     axes.set_xlabel("Candidates")
     axes.set_ylabel("Least objective on the training motions")

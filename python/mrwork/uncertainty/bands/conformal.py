@@ -37,9 +37,9 @@ from mrwork.uncertainty.bands.band import (
     score,
 )
 from mrwork.uncertainty.bands.error_shape import (
+    CalibrationScores,
     ErrorGroup,
     ErrorShape,
-    Scores,
     best_variant,
     best_variants_without_each,
     calibrate_shape,
@@ -101,7 +101,7 @@ class Reach:
 
     @property
     def side(self) -> tuple[OperatingQuantity, bool]:
-        """Quantity and direction, as `side_of` an exceedance."""
+        """Quantity and direction, as `exceeded_side` an exceedance."""
         return self.quantity, self.below
 
     @property
@@ -117,7 +117,7 @@ class Reach:
         for prediction in predictions:
             for exceedance in driven(prediction.outside):
                 if not exceedance.between and np.isfinite(exceedance.severity):
-                    reached[side_of(exceedance)].append(
+                    reached[exceeded_side(exceedance)].append(
                         (
                             prediction.test.label,
                             exceedance.severity,
@@ -144,7 +144,7 @@ def _at_compared(command: CommandValues | None, test: DamperTest) -> CommandValu
     return command[test.counted] if isinstance(command, np.ndarray) else command
 
 
-def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
+def exceeded_side(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
     """Quantity of an exceedance, and whether it is below the tests; a command is only known where it was tested."""
     return exceedance.quantity, exceedance.below and exceedance.quantity != "command"
 
@@ -179,7 +179,7 @@ class Calibration(Summarised):
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
 
     shape: ErrorShape
-    scores: Scores
+    scores: CalibrationScores
     tests: tuple[str, ...]
     n_repeating: Whole
     held_out: str
@@ -199,11 +199,11 @@ class Calibration(Summarised):
         """What of the motion and the command is outside the tests of the fit and of the calibration."""
         outside = driven(prediction.outside)
         exceeded = self.tested.exceeded_by(range_of_test(prediction.test, self.tested.command_unit))
-        farther = {side_of(exceedance): exceedance for exceedance in exceeded}
+        farther = {exceeded_side(exceedance): exceedance for exceedance in exceeded}
         pairs = [
-            (exceedance, farther[side_of(exceedance)])
+            (exceedance, farther[exceeded_side(exceedance)])
             for exceedance in outside
-            if side_of(exceedance) in farther
+            if exceeded_side(exceedance) in farther
         ]
         return tuple(min(pair, key=lambda exceedance: exceedance.severity) for pair in pairs)
 
@@ -220,14 +220,14 @@ class Calibration(Summarised):
             beyond = tuple(
                 exceedance
                 for exceedance in beyond
-                if side_of(exceedance) != ("stroke", True) or exceedance.severity > _SMALLER
+                if exceeded_side(exceedance) != ("stroke", True) or exceedance.severity > _SMALLER
             )
         elif not self.n_repeating:
             return beyond
         as_far = [
             set[str]() if exceedance.between or reach is None else reach.tests_as_far(exceedance)
             for exceedance in beyond
-            for reach in [tried.get(side_of(exceedance))]
+            for reach in [tried.get(exceeded_side(exceedance))]
         ]
         if all(as_far):
             return beyond if beyond and not set.intersection(*as_far) else ()
@@ -266,7 +266,7 @@ class Calibration(Summarised):
             return None
         centre, scale = self.shape.of(prediction)
         beyond, basis, test = self.beyond(prediction), self.basis, prediction.test
-        sides = {side_of(exceedance) for exceedance in beyond}
+        sides = {exceeded_side(exceedance) for exceedance in beyond}
         farther = [reach_of_test for reach_of_test in self.reach if reach_of_test.side in sides]
         wider = self.shape.wider(prediction)
         command = test.command_in(self.tested.command_unit)

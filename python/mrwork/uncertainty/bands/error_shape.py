@@ -172,7 +172,7 @@ class ErrorGroup:
 
 
 @array_dataclass()
-class Scores:
+class CalibrationScores:
     """Absolute errors of each test in a scale: about the mean over the cycle of the others, or the model's force.
 
     Tests whose motion does not repeat have no such mean, and all their error is about the model's force. `commands` are
@@ -214,7 +214,7 @@ class Scores:
         """Share of the errors of each test in the band of the others."""
         held = []
         for index, own in enumerate(self.of(periodic=periodic)):
-            others = Scores(
+            others = CalibrationScores(
                 about_mean=self.about_mean[:index] + self.about_mean[index + 1 :],
                 about_force=self.about_force[:index] + self.about_force[index + 1 :],
                 commands=self.commands[:index] + self.commands[index + 1 :],
@@ -224,7 +224,7 @@ class Scores:
         return held
 
 
-def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[ErrorShape, Scores]:
+def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[ErrorShape, CalibrationScores]:
     """Shape fitted to groups of tests, and their errors in its scale."""
     shape = replace(
         _fit_scale(variant, groups),
@@ -240,7 +240,7 @@ def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[Err
         about_mean = tuple(group.scores(own)[0] for group, own in zip(groups, biased, strict=True))
         shape = replace(shape, bias=tuple((total / len(groups)).tolist()))
     commands = tuple(group.command for group in groups)
-    return shape, Scores(about_mean=about_mean, about_force=about_force, commands=commands)
+    return shape, CalibrationScores(about_mean=about_mean, about_force=about_force, commands=commands)
 
 
 def best_variant(groups: Sequence[ErrorGroup]) -> Variant:

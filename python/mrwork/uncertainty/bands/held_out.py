@@ -21,7 +21,7 @@ from mrwork.uncertainty.bands.calibration_files import (
     stored_calibration,
 )
 from mrwork.uncertainty.bands.conformal import LEVEL, Calibration
-from mrwork.uncertainty.bands.prediction import Prediction, groups_of, with_others
+from mrwork.uncertainty.bands.prediction import Prediction, fold_groups, with_others
 from mrwork.uncertainty.bands.predictions import Predictions
 
 
@@ -36,12 +36,13 @@ def _is_same(one: DamperTest, other: DamperTest) -> bool:
         return True
     pairs = ((one.displacement, other.displacement), (one.force, other.force))
     return one.n_time == other.n_time and all(
-        np.allclose(array, another, rtol=0.0, atol=_SAME * float(np.std(array))) for array, another in pairs
+        np.allclose(array, another, rtol=0.0, atol=_ROUNDED_BY_FORMATS * float(np.std(array)))
+        for array, another in pairs
     )
 
 
 # Share of the deviation of a channel within which formats round it: another run differs by its noise.
-_SAME = 1e-3
+_ROUNDED_BY_FORMATS = 1e-3
 
 
 def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) -> None:
@@ -97,7 +98,7 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     their use. With fewer than two motions, or with extremes only, every test is fitted. Of the tests whose command
     varies the fastest motion is fitted: they alone show the lag of the driver.
     """
-    folds = groups_of(tests, "motion")
+    folds = fold_groups(tests, "motion")
     speeds = [float(np.abs(test.velocity).max()) for test in tests]
     strokes = [float(np.ptp(test.displacement)) for test in tests]
     speed, stroke = (

@@ -342,7 +342,7 @@ def predict_beyond(tests: Sequence[DamperTest], identify_rest: IdentifyRest) -> 
     return tuple(predictions)
 
 
-def groups_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
+def fold_groups(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
     """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold."""
     commands = command_groups(tests) if fold == "command" else []
 
@@ -364,7 +364,7 @@ def groups_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
 
 def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
     """Indices of the tests of each fold, of which there must be two."""
-    folds = groups_of(tests, fold)
+    folds = fold_groups(tests, fold)
     if len(folds) < 2:
         raise SettingError(
             f"to leave one {fold} out there must be two, the {len(tests)} tests given have one {fold} in common; "

@@ -23,11 +23,11 @@ from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
-from mrwork.dampers.laws import LawName
+from mrwork.dampers.dependence import LawName
 from mrwork.dampers.spec import SCREENED, DamperSpec
 from mrwork.errors import JournalError, MrworkError, MrworkWarning, OutputError, SettingError, WorkerError
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf, with_journal
-from mrwork.identification.commands import CommandedTests, excerpts_of, with_laws_at
+from mrwork.identification.commands import CommandedTests, excerpts_of, with_dependences_at
 from mrwork.identification.equivalent import joint_box, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem, pooled_commands
@@ -63,7 +63,7 @@ def families(
     for spec in specs:
         names = {parameter.name for parameter in spec.plain}
         if own := {name: law for name, law in laws.items() if name in names}:
-            spec = with_laws_at(
+            spec = with_dependences_at(
                 spec.with_current_laws({}, unit=unit, lag="one_rate" if lagged else "none"), own, tests
             )
         lawful.append(spec)

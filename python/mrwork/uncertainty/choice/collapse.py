@@ -12,7 +12,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.covariance import effective_samples
 from mrwork.identification.fit import Fit
-from mrwork.identification.verdicts import scales_of
+from mrwork.identification.verdicts import parameter_scales
 from mrwork.records import DamperTest
 from mrwork.uncertainty.bands.prediction import predictions_of
 from mrwork.uncertainty.choice.ranking import Standing
@@ -76,7 +76,7 @@ def _residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> list[Floats]:
 def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
-    scales = scales_of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
+    scales = parameter_scales(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
     free = [(index, estimate) for index, estimate in enumerate(fit.estimates) if estimate.is_free]
     return {
         "on a bound": [estimate.name for _, estimate in free if estimate.at_bound],

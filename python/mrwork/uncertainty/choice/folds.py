@@ -18,7 +18,13 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.identification.commands import CommandedTests, determines
-from mrwork.identification.equivalent import bounds_of, fitted_laws, search_box, widened, with_other_laws
+from mrwork.identification.equivalent import (
+    bounds_of,
+    fitted_coefficients,
+    in_other_dependences,
+    search_box,
+    widened,
+)
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.minimise.race import draw_samples
 from mrwork.identification.objective import Objective, friction_limit, up_to
@@ -140,7 +146,7 @@ class Folds:
         if simple:
             minima = self._descend(from_spec, from_box, np.hstack([starts, own_effects]), self.shares)
             starts, own_effects = np.split(minima.theta, [starts.shape[1]], axis=1)
-            rows = [with_other_laws(from_spec, row, spec, self.commands) for row in starts]
+            rows = [in_other_dependences(from_spec, row, spec, self.commands) for row in starts]
             starts = np.asarray(box.inside(np.array(rows)))
         own = self.fit(spec, box, starts, own_effects)
         given = self._descend(spec, box, np.hstack([theta, effects]), self.shares[:1])
@@ -263,7 +269,9 @@ class Folds:
 
     def _constant_laws(self, spec: DamperSpec, wide: Box, effects: Floats, plain: Floats) -> Floats:
         """Coefficients of laws that are constant at plain parameters, (n_batch, n_plain), with effects beside them."""
-        laws = [fitted_laws(spec, self.commands, np.tile(row, (self.commands.size, 1))) for row in plain]
+        laws = [
+            fitted_coefficients(spec, self.commands, np.tile(row, (self.commands.size, 1))) for row in plain
+        ]
         return np.asarray(wide.inside(np.hstack([laws, np.tile(effects, (len(plain), 1))])))
 
     def predict(self, sets: list[tuple[DamperSpec, FoldedFit]]) -> Floats:

@@ -12,7 +12,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.between_commands import hidden_extrema
 from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
-from mrwork.dampers.spec import LAW_LEAVES_RANGE, DamperSpec, LawLimit, law_limits
+from mrwork.dampers.spec import LAW_LEAVES_RANGE, DamperSpec, DependenceLimit, law_limits
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of, range_of_tests
@@ -38,7 +38,7 @@ def objections_to(
     when the fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be
     simulated with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
     """
-    yield from (limit.remark(LAW_LEAVES_RANGE) for limit in dying_laws(spec, theta, tests))
+    yield from (limit.remark(LAW_LEAVES_RANGE) for limit in dying_dependences(spec, theta, tests))
     levels = range_of_tests(tests, spec.command_unit).levels
     hidden = () if any(test.has_varying_command for test in tests) else hidden_extrema(spec, theta, levels)
     yield from (
@@ -52,7 +52,9 @@ def objections_to(
         yield _TOO_STIFF.remark(cost=cost.in_words)
 
 
-def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> tuple[LawLimit, ...]:
+def dying_dependences(
+    spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]
+) -> tuple[DependenceLimit, ...]:
     """Laws of positive parameters that leave their range or vanish within the tested commands."""
     tested = range_of_tests(tests, spec.command_unit)
     limits = law_limits(spec, theta, tested.command) if tested.command is not None else ()

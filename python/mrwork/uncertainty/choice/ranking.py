@@ -21,7 +21,7 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Column, Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import CommandLaw, LawName, law_of
+from mrwork.dampers.dependence import Dependence, LawName, dependence_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import FAR_BETTER, NEGLIGIBLE, STATUS_IN_WORDS
@@ -178,7 +178,7 @@ class Standing:
     @property
     def n_unusual(self) -> int:
         """Number of laws that are no polynomials through values."""
-        return sum(law_of(law).form != "polynomial" for law in self.laws.values())
+        return sum(dependence_of(law).form != "polynomial" for law in self.laws.values())
 
     @property
     def is_chosen(self) -> bool:
@@ -224,7 +224,7 @@ class Standing:
         return ", ".join(filter(None, parts))
 
 
-def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
+def laws_in_words(laws: Mapping[str, LawName | Dependence]) -> str:
     """Laws in one line."""
     return ", ".join(f"{name} {law}" for name, law in laws.items()) or "all constant"
 

@@ -31,7 +31,7 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, set_points
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall, interruptible
-from mrwork.uncertainty.bands.prediction import groups_of, halves
+from mrwork.uncertainty.bands.prediction import fold_groups, halves
 from mrwork.uncertainty.choice.folds import Folds
 from mrwork.uncertainty.choice.ranking import Standing, rank
 from mrwork.uncertainty.choice.splits import Split, Splits, splits_of
@@ -75,7 +75,7 @@ class Screening:
         levels = [[*members] for _, members in groupby(constant, set_points)]
         if not levels:
             return None
-        several = [members for members in levels if len(groups_of(members, "test")) > 1]
+        several = [members for members in levels if len(fold_groups(members, "test")) > 1]
         if not several:
             parts = [(members[0], halves(members[0])[1].n_settle) for members in levels]
             levels = [[test.part(0, middle), test.part(middle, test.n_time)] for test, middle in parts]

@@ -29,8 +29,8 @@ from mrwork.uncertainty.bands.prediction import (
     ONE_TEST,
     alike_tests,
     cycles_of_halves,
+    fold_groups,
     folds_of,
-    groups_of,
     rests_of,
 )
 
@@ -179,7 +179,7 @@ def splits_of(
         )
     fold = fold or default_fold(tests)
     folds = folds_of(tests, fold)
-    motions = groups_of(tests, "motion")
+    motions = fold_groups(tests, "motion")
     by_motion = len(motions) >= _MOTIONS
     remarks = [*alike_tests(tests)]
     levels = command_groups(tests)
@@ -226,12 +226,12 @@ def _between_commands(tests: Sequence[DamperTest], levels: Sequence[int]) -> lis
 
 def default_fold(tests: Sequence[DamperTest]) -> Fold:
     """What is left out together: a motion where there are three or more, else a test."""
-    return "motion" if len(groups_of(tests, "motion")) >= _MOTIONS else "test"
+    return "motion" if len(fold_groups(tests, "motion")) >= _MOTIONS else "test"
 
 
 def can_leave_out(tests: Sequence[DamperTest]) -> bool:
     """Whether the tests run at two commands without any that are left out together."""
-    folds = groups_of(tests, default_fold(tests))
+    folds = fold_groups(tests, default_fold(tests))
     rests = rests_of(tests, folds)
     return len(folds) > 1 and all(len({test.command_in_words for test in rest}) > 1 for rest in rests)
 

@@ -32,11 +32,11 @@ from mrwork.identification.identify import moved_to
 from mrwork.identification.interval import Interval, Verdict, end_in_words
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.problem import Problem
-from mrwork.identification.verdicts import Scale, judge_interval, scales_of
+from mrwork.identification.verdicts import Scale, judge_interval, parameter_scales
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.identifiability.walks import DIRECTIONS, Course, Point, Side, Sides, signed_root
+from mrwork.uncertainty.identifiability.walks import DIRECTIONS, Point, Side, Sides, WalkRules, signed_root
 
 _BETTER_FIT = RemarkKind(
     "better_fit_found",
@@ -181,7 +181,7 @@ def likelihood_threshold(level: float) -> float:
 
 
 def _profile_of(
-    course: Course,
+    course: WalkRules,
     index: int,
     scale: Scale,
     sensitivity: float,
@@ -237,7 +237,7 @@ _FIRST = 0.3
 _BETTER = 0.5
 # Largest number of restarts about a better minimum, and of the iterations to it.
 _MOST_ROUNDS = 3
-_MOST_STEPS = 50
+_MOST_ITERATIONS_OF_RESTART = 50
 
 
 @checked
@@ -284,7 +284,7 @@ def profile(
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = problem.inside(fit.varied_values)
     profiled = _profiled_indices(box, parameters)
-    scales = scales_of(spec, box, objective.tests, theta, objective.compared[0].free)
+    scales = parameter_scales(spec, box, objective.tests, theta, objective.compared[0].free)
     slopes = Slopes.at(objective, problem.form, theta)
     residuals, by_unit = slopes.residuals, box.unit_slope(theta)
     start = Point(position=box.unit_from_theta(theta), squared=float(residuals @ residuals))
@@ -292,7 +292,7 @@ def profile(
     independent = covariance(slopes.by_free.T * by_unit, float(np.sqrt(start.squared)))
     errors = np.sqrt(np.diag(independent) * residuals.size / slopes.n_effective)
     longest = _FIRST * np.array([scales[index].size for index in box.free]) / by_unit
-    course = Course(
+    course = WalkRules(
         box=box,
         # The error of a parameter that is not determined is not a number.
         first=np.fmin(0.5 * errors, longest),
@@ -365,7 +365,7 @@ def profile(
             if signed_root(origin.squared, best.squared, course.dof) ** 2 < _BETTER:
                 break
             better = box.theta_from_unit(best.position[None])
-            minimum = find_minima(objective, box, better, max_iterations=_MOST_STEPS).best
+            minimum = find_minima(objective, box, better, max_iterations=_MOST_ITERATIONS_OF_RESTART).best
             origin = Point(position=box.unit_from_theta(minimum.theta), squared=minimum.misfit**2)
         better = None
         if origin is not start:

@@ -70,7 +70,7 @@ Sides = dict[tuple[int, Way], Side]
 
 
 @array_dataclass()
-class Course:
+class WalkRules:
     """What all walks of a profile share; positions and steps are in unit coordinates, shape (n_free,).
 
     `first` are first steps. A walk ends where the root of the likelihood ratio exceeds `limit`. `spring` has the

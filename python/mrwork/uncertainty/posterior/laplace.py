@@ -19,7 +19,7 @@ _UNIFORM = 12.0
 _MOST_REDRAWS = 60
 _NEARER = 0.8
 # Largest number of iterations to the mode.
-_MOST_STEPS = 20
+_MOST_TO_MODE = 20
 
 
 def fisher_information(target: Target, position: Floats) -> Floats:
@@ -87,7 +87,7 @@ def mode_near(target: Target, theta: Floats) -> Floats:
     objective, box = target.objective, target.form.box
     n_samples = _n_samples(objective)
     minima = find_minima(
-        objective, box, theta[None], max_iterations=_MOST_STEPS, shares=n_samples[None] / n_samples.sum()
+        objective, box, theta[None], max_iterations=_MOST_TO_MODE, shares=n_samples[None] / n_samples.sum()
     )
     both = np.stack([theta, minima.theta[0]])
     densities = target(np.array([target.position_of(point) for point in both]))

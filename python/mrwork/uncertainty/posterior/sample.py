@@ -19,7 +19,7 @@ from mrwork.errors import JournalError, SettingError
 from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit, beside_likelihood
 from mrwork.identification.problem import provenance_with
-from mrwork.identification.verdicts import judge_interval, scales_of
+from mrwork.identification.verdicts import judge_interval, parameter_scales
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observation import Effect
@@ -43,7 +43,7 @@ from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
 from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.posterior.ensemble import Ensemble
+    from mrwork.uncertainty.posterior.walkers import WalkerChain
 
 
 _PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
@@ -127,14 +127,14 @@ class SamplingProblem:
     def _effects(self) -> dict[str, Effect]:
         return {effect.parameter: effect for effect in self.target.objective.compared[0].free}
 
-    def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
+    def diagnosis(self, ensemble: WalkerChain) -> Diagnosis:
         """Convergence diagnostics of a chain after its burn-in."""
         space = self.target.space
         values, _ = space.values(ensemble.positions[select_kept_rows(ensemble.n_steps)])
         return diagnose(np.asarray(values)[..., np.array(space.box.free)], space.names)
 
     def draws(
-        self, ensemble: Ensemble, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
+        self, ensemble: WalkerChain, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
     ) -> Draws:
         """Draws from a chain of at least one step, after its burn-in and thinned."""
         rows = select_kept_rows(ensemble.n_steps)
@@ -203,7 +203,7 @@ class SamplingProblem:
         ]
         theta = np.asarray(self.target.form.to_model(self.target.start))[: len(self.fit.spec.names)]
         objective = self.target.objective
-        scales = scales_of(self.fit.spec, box, objective.tests, theta)
+        scales = parameter_scales(self.fit.spec, box, objective.tests, theta)
         sensitivities = np.linalg.norm(
             Slopes.at(objective, self.target.form, self.target.start).by_model(), axis=0
         ).tolist()
@@ -344,9 +344,9 @@ def sample(
     mode = mode_near(problem.target, problem.target.start)
     origins = first_walkers(problem.target, mode, walkers, np.random.default_rng(rng))
     # emcee takes half a second to load.
-    from mrwork.uncertainty.posterior.ensemble import Ensemble
+    from mrwork.uncertainty.posterior.walkers import WalkerChain
 
-    ensemble = Ensemble.begin(density, origins, rng)
+    ensemble = WalkerChain.begin(density, origins, rng)
     if journal is not None and not np.isfinite(ensemble.densities[0]).all():
         # Walkers start where it is.
         raise JournalError(
@@ -364,7 +364,7 @@ def sample(
     return problem.draws(ensemble, diagnosis, seconds=call.seconds)
 
 
-def _run(problem: SamplingProblem, ensemble: Ensemble, call: _Sampling) -> Diagnosis:
+def _run(problem: SamplingProblem, ensemble: WalkerChain, call: _Sampling) -> Diagnosis:
     """Diagnosis after convergence or the last step; a check that the journal passed is not repeated."""
     while True:
         done = ensemble.n_steps

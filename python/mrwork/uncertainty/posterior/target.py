@@ -120,7 +120,7 @@ def prior_of_text(text: str) -> Prior:
 
 NOISE = "noise."
 # Tolerance for parameters on a face of the box, whose logarithm is rounded.
-_ROUNDING = 1e-12
+_OFF_FACE = 1e-12
 
 
 def with_noise(box: Box, noise: Noise) -> Box:
@@ -180,7 +180,7 @@ class Space:
         xp = position.__array_namespace__()
         unit = self._unit(position)
         # x0 is undefined for zero stiffness: `unit` is then NaN, hence not inside.
-        inside = xp.all((unit >= -_ROUNDING) & (unit <= 1.0 + _ROUNDING), axis=-1)
+        inside = xp.all((unit >= -_OFF_FACE) & (unit <= 1.0 + _OFF_FACE), axis=-1)
         return self.box.theta_from_unit(xp.clip(xp.where(inside[..., None], unit, 0.5), 0.0, 1.0)), inside
 
     def position(self, values: AnyArray) -> AnyArray:

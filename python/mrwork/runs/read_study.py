@@ -28,7 +28,7 @@ from mrwork.store.run_folder import FIT, FIT_RUN, RunFolder
 from mrwork.store.run_writer import with_manifest
 from mrwork.study import reading
 from mrwork.study.dampers import Identified
-from mrwork.study.options import StudySeed
+from mrwork.study.run_options import StudySeed
 from mrwork.study.schema import References, StudyTable, TuneTable, UncertaintyTable
 from mrwork.study.study import Study
 

@@ -51,13 +51,13 @@ _N_RATES, _ROUNDS = 25, 6
 # Share of the values by which a curve may be farther from them than the nearest one, and count as equally near.
 _EQUALLY_NEAR = 1e-10
 # Imaginary part of a coefficient along which a law is differentiated: its square vanishes beside any value.
-_STEP = 2.0**-200
+_IMAGINARY_STEP = 2.0**-200
 # Denominators of a law that saturates are at least this: far below its commands they round to zero.
 _LEAST_DENOMINATOR = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
-class CommandLaw:
+class Dependence:
     """A law by which a parameter p follows the command u: a polynomial, an exponential, or a curve through values.
 
     A polynomial of a `degree` has its coefficients, p.0 + p.1 u + ...; degree 0 is constant. A law with `nodes` is a
@@ -72,7 +72,7 @@ class CommandLaw:
     form: CurveForm = "polynomial"
 
     def __str__(self) -> LawName:
-        """Text of the law, from which `law_of` makes it again."""
+        """Text of the law, from which `dependence_of` makes it again."""
         name: str = self.form
         if name in POLYNOMIAL_FORMS:
             name = ("log_" if self.has_logarithms else "") + _POLYNOMIALS[self.fitted_degree]
@@ -153,8 +153,10 @@ class CommandLaw:
         `coefficients` have shape (n_coefficients, n_rows), `commands` (n_commands,).
         """
         # A step along the imaginary axis has no difference to cancel: the derivatives are exact to rounding.
-        steps = 1j * _STEP * np.eye(len(coefficients))[..., None]
-        return np.stack([self.values(coefficients + step, commands[:, None]).imag / _STEP for step in steps])
+        steps = 1j * _IMAGINARY_STEP * np.eye(len(coefficients))[..., None]
+        return np.stack(
+            [self.values(coefficients + step, commands[:, None]).imag / _IMAGINARY_STEP for step in steps]
+        )
 
     def through(self, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
         """Coefficients by least squares from the values `column` of a parameter at commands, (n_commands,)."""
@@ -269,7 +271,7 @@ class CommandLaw:
         powers = ["", " u", " u^2", " u^3"][: self.n_coefficients]
         return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
 
-    def at_commands(self, commands: Sequence[float]) -> CommandLaw:
+    def at_commands(self, commands: Sequence[float]) -> Dependence:
         """A law without nodes as the one through as many values at tested commands; another law as it is.
 
         The nodes are the commands, each taken once, that are nearest to evenly spaced ones: as many as the polynomial
@@ -288,9 +290,9 @@ class CommandLaw:
         for wanted in np.linspace(levels[0], levels[-1], count):
             left = [level for level in levels if level not in nodes]
             nodes.append(min(left, key=lambda level: abs(level - float(wanted))))
-        return law_through(sorted(nodes), self.form)
+        return dependence_through(sorted(nodes), self.form)
 
-    def other_forms(self, parameter: ParamSpec) -> list[CommandLaw]:
+    def other_forms(self, parameter: ParamSpec) -> list[Dependence]:
         """The laws of a parameter through the same values in other forms, straight lines last.
 
         None without nodes, and none of a saturating curve, whose rate no value at a command tells.
@@ -307,7 +309,7 @@ class CommandLaw:
             # Through two values they are the straight line.
             and (form != "monotone" or len(self.nodes) > 2)
         ]
-        return [law_through(self.nodes, form) for form in forms if form != self.form]
+        return [dependence_through(self.nodes, form) for form in forms if form != self.form]
 
     def _saturating(self, coefficients: Array, command: Array, xp: ModuleType) -> Array:
         """p0 + (p1 - p0) w(u)/w(u1) with w = t/(1 + s t), in which no nearly equal numbers are subtracted.
@@ -340,32 +342,32 @@ class CommandLaw:
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)
 
-    def is_special_case_of(self, other: CommandLaw) -> bool:
+    def is_special_case_of(self, other: Dependence) -> bool:
         """Whether this law is the other one with some coefficients at zero, or all of its values equal."""
         if self.degree is None:
             return False
         return self.is_constant if other.degree is None else self.degree < other.degree
 
 
-CONSTANT = CommandLaw(0)
+CONSTANT = Dependence(0)
 """The law of a parameter that does not follow the command."""
-EXPONENTIAL = CommandLaw(form="exponential")
+EXPONENTIAL = Dependence(form="exponential")
 """p.0 + p.1 exp(p.2 u)."""
 LAWS_AT_COMMANDS = (
-    *(CommandLaw(degree, form="log_polynomial") for degree in range(1, MOST_DEGREE + 1)),
-    CommandLaw(form="monotone"),
-    CommandLaw(form="tanh"),
+    *(Dependence(degree, form="log_polynomial") for degree in range(1, MOST_DEGREE + 1)),
+    Dependence(form="monotone"),
+    Dependence(form="tanh"),
 )
 """Laws that have coefficients at tested commands only."""
 
 
-def law_through(commands: Iterable[float], form: CurveForm) -> CommandLaw:
+def dependence_through(commands: Iterable[float], form: CurveForm) -> Dependence:
     """The law through values at commands, given to twelve digits."""
-    return CommandLaw(nodes=tuple(float(f"{command:.12g}") for command in commands), form=form)
+    return Dependence(nodes=tuple(float(f"{command:.12g}") for command in commands), form=form)
 
 
 @cache
-def law_of(text: LawName | CommandLaw) -> CommandLaw:
+def dependence_of(text: LawName | Dependence) -> Dependence:
     """The law of a text, as "quadratic", "log_quadratic:0,0.5,1" or "tanh:0,1"; a law is returned as it is.
 
     Raises
@@ -373,9 +375,9 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
     UnknownChoiceError
         If there is no such law, or its commands are not as many rising numbers as it takes.
     """
-    if isinstance(text, CommandLaw):
+    if isinstance(text, Dependence):
         return text
-    named = {str(law): law for law in (*named_laws(), *LAWS_AT_COMMANDS)}
+    named = {str(law): law for law in (*named_dependences(), *LAWS_AT_COMMANDS)}
     if text in named:
         return named[text]
     name, _, commands = text.partition(":")
@@ -396,24 +398,24 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
             f"{_MOST_NODES}, as in monotone:0,0.5,1, straight:0,0.5,1 or straight_log:0,0.5,1, or two where it "
             "saturates, as in exponential:0,1 or tanh:0,1"
         )
-    return law_through(nodes, form)
+    return dependence_through(nodes, form)
 
 
-def named_laws() -> tuple[CommandLaw, ...]:
+def named_dependences() -> tuple[Dependence, ...]:
     """The laws that have a name of their own: polynomials in order of their degree, and the exponential."""
-    return (*map(CommandLaw, range(len(_POLYNOMIALS))), EXPONENTIAL)
+    return (*map(Dependence, range(len(_POLYNOMIALS))), EXPONENTIAL)
 
 
-def laws_in_order(
-    plain: tuple[ParamSpec, ...], laws: Mapping[str, LawName | CommandLaw], model: str
-) -> tuple[CommandLaw, ...]:
+def dependences_in_order(
+    plain: tuple[ParamSpec, ...], laws: Mapping[str, LawName | Dependence], model: str
+) -> tuple[Dependence, ...]:
     """Return one law per parameter of the plain model; those not named are constant."""
     names = [parameter.name for parameter in plain]
     for name in laws:
         check_known(
             name, names, f"{model} has no parameter {name!r} to follow the command", otherwise="it has"
         )
-    found = tuple(law_of(laws.get(name, CONSTANT)) for name in names)
+    found = tuple(dependence_of(laws.get(name, CONSTANT)) for name in names)
     for name, parameter, law in zip(names, plain, found, strict=True):
         if law.has_logarithms and not parameter.is_positive:
             other = replace(law, form="straight" if law.form in _STRAIGHT else "polynomial")

@@ -12,16 +12,16 @@ from mrwork.base.progress import OnProgress
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.course import Course, What, steps_of
 from mrwork.study.damper_size import judged_by_demand
 from mrwork.study.histories import RunHistory
-from mrwork.study.loop_case import LoopCase, scales_of
-from mrwork.study.options import CheckStep
+from mrwork.study.loop_case import LoopCase, criterion_scales
 from mrwork.study.results import StudyResults
 from mrwork.study.row_runs import RowRuns
+from mrwork.study.run_options import CheckStep
+from mrwork.study.run_reports import RunReports, What, steps_of
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, own_axes, study_criteria, study_quantities
-from mrwork.study.study import Arrangement, Study, digest_of_run, fingerprint_of
-from mrwork.study.trials import BestConstant, chosen, designed
+from mrwork.study.study import Arrangement, Study, digest_of_run, study_fingerprint
+from mrwork.study.trials import BestConstant, designed, with_best_commands
 from mrwork.workers.engine import Workers, on_executor
 
 
@@ -72,14 +72,14 @@ def run_study(
     """
     study = designed(study, journal=journal, on_progress=on_progress)
     if journal is not None:
-        journal.agree("study", fingerprint_of(study))
+        journal.agree("study", study_fingerprint(study))
     so_far, shares = _SoFar.at_start(study, check_step=check_step), dict[str, BestConstant]()
     rows, runs = so_far.arrangements, so_far.runs
     nominal, halved = runs["runs"], runs["runs with half the step"]
     call = LongCall(journal=journal, on_progress=on_progress, so_far=so_far.results)
     with call.keeping("study"):
         steps = [*steps_of(study, check_step=check_step, threads=threads)]
-        course = Course(on_progress, steps, nominal.outcome.size + halved.outcome.size)
+        course = RunReports(on_progress, steps, nominal.outcome.size + halved.outcome.size)
         for step in steps:
             arrangement, recalling = rows[step.row], call.recalling
             course.begin(arrangement.row.label, step, nominal.n_done + halved.n_done)
@@ -94,7 +94,9 @@ def run_study(
                 scored=study.scored,
             )
             if step.what == "constant commands":
-                rows[step.row], choice = chosen(replace(case, motions=study.chosen_on), call, shares)
+                rows[step.row], choice = with_best_commands(
+                    replace(case, motions=study.chosen_on), call, shares
+                )
                 so_far.choices.append(choice)
                 continue
             of_row = RowRuns(case=case, stored=study.histories, keep=partial(keep, step.row))
@@ -146,6 +148,6 @@ class _SoFar:
         nominal, halved, realised = self.runs.values()
         rows = [arrangement.row for arrangement in self.arrangements]
         done = nominal.beside(halved).with_labels("row", [row.label for row in rows])
-        scales = Scales.of_rows([*map(scales_of, self.arrangements)], 2)
+        scales = Scales.of_rows([*map(criterion_scales, self.arrangements)], 2)
         criteria = done.criteria(scales, self.study.command_unit, self.study.asked).beside(realised)
         return judged_by_demand(StudyResults.of(self.study, rows, done, criteria, self.choices), self.study)

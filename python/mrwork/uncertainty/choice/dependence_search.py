@@ -19,20 +19,20 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.between_commands import least_curved
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import (
+from mrwork.dampers.dependence import (
     CONSTANT,
     MOST_DEGREE,
     POLYNOMIAL_FORMS,
     SATURATING_FORMS,
-    CommandLaw,
+    Dependence,
     LawName,
-    law_through,
+    dependence_through,
 )
 from mrwork.dampers.parameters import Lag, ParamSpec, Scale
-from mrwork.dampers.spec import DamperSpec, with_changed_laws
+from mrwork.dampers.spec import DamperSpec, with_other_dependences
 from mrwork.errors import SettingError
-from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
-from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
+from mrwork.identification.commands import CommandedTests, dependences_at, laws_to_type
+from mrwork.identification.equivalent import identifiable_form, in_other_dependences, joint_box, search_box
 from mrwork.identification.excerpts import middle_excerpts, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.settings import FitSettings, Fold, Start
@@ -40,7 +40,7 @@ from mrwork.records import DamperTest
 from mrwork.records.observation import AS_RECORDED, Effect
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.choice.folds import FoldedFit, Folds
-from mrwork.uncertainty.choice.objections import dying_laws
+from mrwork.uncertainty.choice.objections import dying_dependences
 from mrwork.uncertainty.choice.promises import Linearised, Promises
 from mrwork.uncertainty.choice.ranking import (
     NOT_PREDICTED,
@@ -51,38 +51,40 @@ from mrwork.uncertainty.choice.ranking import (
 )
 from mrwork.uncertainty.choice.splits import splits_of
 
-Laws = dict[str, CommandLaw]
+Laws = dict[str, Dependence]
 
 
 @dataclass(frozen=True, slots=True)
-class LawSet:
+class DependenceSet:
     """A candidate: laws of the parameters that follow the command, and values at which constant ones are held.
 
     Both are pairs after the name of the parameter, in the order of the names.
     """
 
-    laws: tuple[tuple[str, CommandLaw], ...] = ()
+    laws: tuple[tuple[str, Dependence], ...] = ()
     held: tuple[tuple[str, float], ...] = ()
 
     @classmethod
-    def of(cls, laws: Laws, held: Mapping[str, float] | None = None) -> LawSet:
+    def of(cls, laws: Laws, held: Mapping[str, float] | None = None) -> DependenceSet:
         """The candidate of these laws, of which constant ones are not listed, and values."""
         following = {name: law for name, law in laws.items() if not law.is_constant}
         return cls(tuple(sorted(following.items())), tuple(sorted((held or {}).items())))
 
-    def with_law(self, name: str, law: CommandLaw) -> LawSet:
+    def with_law(self, name: str, law: Dependence) -> DependenceSet:
         """The candidate with another law of a parameter, which is then not held."""
         held = {each: value for each, value in self.held if each != name}
-        return LawSet.of({**dict(self.laws), name: law}, held)
+        return DependenceSet.of({**dict(self.laws), name: law}, held)
 
-    def holding(self, values: Mapping[str, float]) -> LawSet:
+    def holding(self, values: Mapping[str, float]) -> DependenceSet:
         """The candidate with these parameters held, without laws of theirs."""
         laws = {name: law for name, law in self.laws if name not in values}
-        return LawSet.of(laws, {**dict(self.held), **values})
+        return DependenceSet.of(laws, {**dict(self.held), **values})
 
-    def releasing(self, names: Collection[str]) -> LawSet:
+    def releasing(self, names: Collection[str]) -> DependenceSet:
         """The candidate without holding these parameters."""
-        return LawSet.of(dict(self.laws), {name: value for name, value in self.held if name not in names})
+        return DependenceSet.of(
+            dict(self.laws), {name: value for name, value in self.held if name not in names}
+        )
 
     @property
     def size(self) -> int:
@@ -108,17 +110,17 @@ _OF_SATURATION = 3
 # Single changes, the most promising ones, of which pairs are considered.
 _PAIRED = 6
 # Forces are the same where their squared NRMSE in every test agree up to this share, or up to what is no error.
-_SAME = 1e-4
+_SAME_FORCE = 1e-4
 _EXACT = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FittedLaws:
+class FittedSet:
     """A set of laws with its fits to all tests and without each split, and its row of the ranking."""
 
     spec: DamperSpec
     box: Box
-    laws: LawSet
+    laws: DependenceSet
     fit: FoldedFit
     row: Standing
 
@@ -129,7 +131,7 @@ class FittedLaws:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class LawSearch:
+class DependenceSearch:
     """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of tests left out.
 
     Laws near others are compared by what the `linearised` tests promise for them; both are kept by the identity of the
@@ -147,10 +149,10 @@ class LawSearch:
     most: int
     call: LongCall[Any] = field(default_factory=LongCall)
     report: Callable[[str], None] = lambda task: None
-    fitted: list[FittedLaws] = field(default_factory=list)
+    fitted: list[FittedSet] = field(default_factory=list)
     linearised: dict[int, Linearised] = field(default_factory=dict)
-    promised: dict[tuple[int, LawSet], float] = field(default_factory=dict)
-    models: dict[LawSet, tuple[DamperSpec, Box]] = field(default_factory=dict)
+    promised: dict[tuple[int, DependenceSet], float] = field(default_factory=dict)
+    models: dict[DependenceSet, tuple[DamperSpec, Box]] = field(default_factory=dict)
     effects: dict[Effect, float] = field(default_factory=dict)
 
     @property
@@ -169,7 +171,7 @@ class LawSearch:
         return replace(self.settings, observe=self.settings.observing.to_fit)
 
     @property
-    def first_laws(self) -> LawSet:
+    def first_laws(self) -> DependenceSet:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         return self._laws_of("log")
 
@@ -180,7 +182,7 @@ class LawSearch:
 
     def take_lag(self, lag: Lag) -> None:
         """Go on with the lag of the driver that the first laws show."""
-        self.promises = replace(self.promises, model=with_changed_laws(self.promises.model, lag=lag))
+        self.promises = replace(self.promises, model=with_other_dependences(self.promises.model, lag=lag))
         self.models.clear()
 
     def take_effects(self, first: Fit) -> None:
@@ -191,20 +193,20 @@ class LawSearch:
             self.folds = self.folds.with_effects(tuple(self.effects), told=told)
             self.promises = replace(self.promises, folds=self.folds)
 
-    def effects_of(self, laws: FittedLaws) -> dict[Effect, float]:
+    def effects_of(self, laws: FittedSet) -> dict[Effect, float]:
         """The effects on the recorded force that were fitted with laws to all tests."""
         return dict(zip(self.effects, laws.fit.effects[0].tolist(), strict=True))
 
-    def observed(self, tests: Sequence[DamperTest], laws: FittedLaws) -> tuple[DamperTest, ...]:
+    def observed(self, tests: Sequence[DamperTest], laws: FittedSet) -> tuple[DamperTest, ...]:
         """The tests with these effects."""
         given = {effect.field: value for effect, value in self.effects_of(laws).items()}
         return tuple(replace(test, observation=replace(test.observation, **given)) for test in tests)
 
-    def _laws_of(self, *scales: Scale) -> LawSet:
+    def _laws_of(self, *scales: Scale) -> DependenceSet:
         degree = min(_FIRST_DEGREE, self.most)
-        return LawSet.of(
+        return DependenceSet.of(
             {
-                parameter.name: CommandLaw(
+                parameter.name: Dependence(
                     degree, form="log_polynomial" if parameter.is_positive else "polynomial"
                 )
                 for parameter in self.plain.parameters
@@ -215,9 +217,9 @@ class LawSearch:
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`, until the neighbours of the frontier are tried."""
         theta, effects = np.array([first.theta]), np.array([[*self.effects.values()]])
-        simple = LawSet.of(
+        simple = DependenceSet.of(
             {
-                parameter.name: CommandLaw(min(_FIRST_DEGREE, self.most))
+                parameter.name: Dependence(min(_FIRST_DEGREE, self.most))
                 for parameter in self.plain.parameters
                 if parameter.name in self.free and parameter.scales_with_force
             }
@@ -228,7 +230,7 @@ class LawSearch:
             self._move_to(self.fitted[0], wider)
         if all(fitted.row.remarks for fitted in self.fitted):
             self._revive(self.fitted[-1])
-        expanded: list[LawSet] = []
+        expanded: list[DependenceSet] = []
         while len(self.fitted) < _MOST_TRIED:
             often = 1 if self._is_best_sound() else _EXPANDED
             left = [fitted for fitted in self.frontier() if expanded.count(fitted.laws) < often]
@@ -263,13 +265,13 @@ class LawSearch:
                 return
             self._move_to(chosen, simpler[int(np.argmin(errors))])
 
-    def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
+    def in_other_form(self, fitted: FittedSet, instead: Laws) -> FittedSet:
         """The candidate with laws through the same values, except where such a law changes the force of a test."""
         own = dict(fitted.laws.laws)
-        laws = LawSet.of(
+        laws = DependenceSet.of(
             own
             | {
-                name: CommandLaw(law.fitted_degree, form=law.form) if law.form in POLYNOMIAL_FORMS else law
+                name: Dependence(law.fitted_degree, form=law.form) if law.form in POLYNOMIAL_FORMS else law
                 for name, law in instead.items()
                 if name in own and self.is_through_all(law)
             },
@@ -279,7 +281,7 @@ class LawSearch:
         row = replace(fitted.row, laws=self._texts(laws))
         return replace(fitted, spec=spec, box=box, laws=laws, row=row)
 
-    def is_through_all(self, law: CommandLaw) -> bool:
+    def is_through_all(self, law: Dependence) -> bool:
         """Whether no test shows which form a law has, since it has a value at each of their commands."""
         return law.fitted_degree == len(self.commands) - 1 and not self.folds.varies
 
@@ -292,7 +294,7 @@ class LawSearch:
         dead, sound = (min(errors, default=np.inf) for errors in errors_of)
         return bool(100.0 * (sound - dead) <= NEGLIGIBLE)
 
-    def _revive(self, dead: FittedLaws) -> None:
+    def _revive(self, dead: FittedSet) -> None:
         """Fit laws of parameters that scale with the force alone, until none of them dies.
 
         Where a shape follows the command, too, it may take over what a damping does at the tested velocities.
@@ -310,14 +312,16 @@ class LawSearch:
             return self.folds.fit(spec, box, starts, dead.fit.effects)
 
         while laws:
-            self._fit_laws([LawSet.of(laws)], from_alive)
+            self._fit_laws([DependenceSet.of(laws)], from_alive)
             alive = self.fitted[-1]
-            dying = {limit.parameter for limit in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
+            dying = {
+                limit.parameter for limit in dying_dependences(alive.spec, alive.fit.theta[0], self.tests)
+            }
             if not dying & set(laws):
                 return
             laws = {name: law for name, law in laws.items() if name not in dying}
 
-    def frontier(self) -> list[FittedLaws]:
+    def frontier(self) -> list[FittedSet]:
         """Sets of laws whose neighbours are tried: the best, the one that would be chosen, and further good ones."""
         distinct = self.distinct()
         sound = [fitted for fitted in distinct if not fitted.row.remarks] or distinct
@@ -326,16 +330,18 @@ class LawSearch:
         good = [fitted for fitted in order if fitted.row in rows]
         return [order[0], next(fitted for fitted in order if fitted.row is chosen), *good][: _FRONTIER + 2]
 
-    def distinct(self) -> list[FittedLaws]:
+    def distinct(self) -> list[FittedSet]:
         """The candidates except those with the same force as a candidate with fewer parameters."""
-        sets = list[FittedLaws]()
+        sets = list[FittedSet]()
         for fitted in sorted(self.fitted, key=lambda fitted: fitted.row.n_params):
             squared = fitted.fit.squared
-            if not any(np.allclose(squared, other.fit.squared, rtol=_SAME, atol=_EXACT) for other in sets):
+            if not any(
+                np.allclose(squared, other.fit.squared, rtol=_SAME_FORCE, atol=_EXACT) for other in sets
+            ):
                 sets.append(fitted)
         return sets
 
-    def _proposals(self, current: FittedLaws) -> list[LawSet]:
+    def _proposals(self, current: FittedSet) -> list[DependenceSet]:
         """Laws near the present ones that are not tried yet, by the errors that a linearised model promises.
 
         The most promising change of one parameter or two; the same of those with fewer coefficients, and of those with
@@ -361,7 +367,7 @@ class LawSearch:
         near = list(
             dict.fromkeys(laws for laws in [*(each.laws for each in order), *pairs] if laws not in done)
         )
-        proposals = dict[LawSet, None]()
+        proposals = dict[DependenceSet, None]()
         errors = promised(near) if near else np.empty(0)
         size = np.array([laws.size for laws in near])
         for allowed in (np.ones(len(near), dtype=np.bool_), size <= here.size, size < here.size):
@@ -378,7 +384,7 @@ class LawSearch:
             proposals[chain] = None
         return [*proposals]
 
-    def _promised(self, current: FittedLaws, candidates: Sequence[LawSet]) -> Floats:
+    def _promised(self, current: FittedSet, candidates: Sequence[DependenceSet]) -> Floats:
         """Errors of predictions that laws near the current ones promise; each is found once."""
         keys = [(id(current), laws) for laws in candidates]
         new = list(
@@ -394,7 +400,7 @@ class LawSearch:
             }
         return np.array([self.promised[key] for key in keys])
 
-    def _promise(self, current: FittedLaws, candidates: Sequence[LawSet]) -> Floats:
+    def _promise(self, current: FittedSet, candidates: Sequence[DependenceSet]) -> Floats:
         if id(current) not in self.linearised:
             self.linearised[id(current)] = self.promises.linearise(current.spec, current.fit)
         about = self.linearised[id(current)]
@@ -406,7 +412,7 @@ class LawSearch:
             ]
         )
 
-    def _changes(self, laws: LawSet) -> list[_Change]:
+    def _changes(self, laws: DependenceSet) -> list[_Change]:
         """Changes of one parameter: another law of it, or a value at which it is held, or holding it no longer."""
         of, held = dict(laws.laws), dict(laws.held)
         changes = list[_Change]()
@@ -424,12 +430,12 @@ class LawSearch:
                 changes.append(_Change(laws.holding(values), names))
         return changes
 
-    def _other_laws(self, parameter: ParamSpec, law: CommandLaw) -> list[CommandLaw]:
+    def _other_laws(self, parameter: ParamSpec, law: Dependence) -> list[Dependence]:
         """Laws of one coefficient less or more, and of as many in other forms where tests tell these apart."""
         count, commands = law.n_coefficients, self.commands
-        found = list[CommandLaw]()
+        found = list[Dependence]()
         for number in (count - 1, count, count + 1):
-            forms = laws_of_size(parameter, number, commands) if 1 <= number <= self.most + 1 else []
+            forms = dependences_of_size(parameter, number, commands) if 1 <= number <= self.most + 1 else []
             through_all = number == len(commands) and not self.folds.varies
             if number == count and through_all:
                 continue
@@ -455,10 +461,10 @@ class LawSearch:
                 values.append({name: 1.0})
         return values
 
-    def _texts(self, laws: LawSet) -> dict[str, LawName]:
+    def _texts(self, laws: DependenceSet) -> dict[str, LawName]:
         return {name: str(law) for name, law in (self.given | dict(laws.laws)).items()}
 
-    def _move_to(self, current: FittedLaws, *proposals: LawSet) -> None:
+    def _move_to(self, current: FittedSet, *proposals: DependenceSet) -> None:
         """Fit proposed laws from starts that are transferred from the fit of the current laws."""
 
         def from_current(spec: DamperSpec, box: Box) -> FoldedFit:
@@ -467,7 +473,7 @@ class LawSearch:
         self._fit_laws(proposals, from_current, current.fit.theta)
 
     def _fit_laws(
-        self, proposals: Sequence[LawSet], fit: Callable[[DamperSpec, Box], FoldedFit], *inputs: object
+        self, proposals: Sequence[DependenceSet], fit: Callable[[DamperSpec, Box], FoldedFit], *inputs: object
     ) -> None:
         """Fit sets of laws to all tests and without each split, and predict the tests left out by all of them."""
         models, fits = [self.model(laws) for laws in proposals], list[FoldedFit]()
@@ -478,8 +484,8 @@ class LawSearch:
         self.fitted += self._judged(proposals, fits)
 
     def _judged(
-        self, proposals: Sequence[LawSet], fits: Sequence[FoldedFit], *, of_excerpts: bool = True
-    ) -> list[FittedLaws]:
+        self, proposals: Sequence[DependenceSet], fits: Sequence[FoldedFit], *, of_excerpts: bool = True
+    ) -> list[FittedSet]:
         """Sets of laws with their fits, and the rows of the ranking by what these predict."""
         models = [self.model(laws) for laws in proposals]
         boxes = [box for _, box in models]
@@ -488,7 +494,7 @@ class LawSearch:
         predicted = self.call.array("predictions", predict, boxes, [each.theta for each in fits])
         ends, judged = (
             np.cumsum([len(members) for members in self.folds.splits.members])[:-1],
-            list[FittedLaws](),
+            list[FittedSet](),
         )
         for laws, (spec, box), each, nrmse in zip(proposals, models, fits, predicted, strict=True):
             row = Standing(
@@ -501,10 +507,10 @@ class LawSearch:
                 fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(each.squared))), NOT_PREDICTED)),
             )
             row = row.scored(np.split(nrmse, ends), self.folds.splits, spec, each.theta[0], self.tests)
-            judged.append(FittedLaws(spec=spec, box=box, laws=laws, fit=each, row=row))
+            judged.append(FittedSet(spec=spec, box=box, laws=laws, fit=each, row=row))
         return judged
 
-    def _refine(self, fitted: FittedLaws) -> None:
+    def _refine(self, fitted: FittedSet) -> None:
         """Fit a set on to the whole tests, so that its errors are those of fits to these."""
         self.report(f"refining {laws_in_words(dict(fitted.laws.laws))}")
         work = partial(interruptible, partial(self.folds.refined, fitted.spec, fitted.box, fitted.fit))
@@ -512,24 +518,24 @@ class LawSearch:
         (refined,) = self._judged([fitted.laws], [fit], of_excerpts=False)
         self.fitted[self.fitted.index(fitted)] = refined
 
-    def model(self, laws: LawSet) -> tuple[DamperSpec, Box]:
+    def model(self, laws: DependenceSet) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
         if laws not in self.models:
-            spec = with_changed_laws(
+            spec = with_other_dependences(
                 self.plain.with_current_laws({}, unit=self.folds.unit, lag=self.promises.model.lag),
-                laws_at(self.given | dict(laws.laws), self.commands),
+                dependences_at(self.given | dict(laws.laws), self.commands),
             )
             form = identifiable_form(spec, self.bounds_of(laws))
             self.models[laws] = spec, joint_box(form, self.tests, self.commands)
         return self.models[laws]
 
-    def bounds_of(self, laws: LawSet) -> dict[str, tuple[float, float]]:
+    def bounds_of(self, laws: DependenceSet) -> dict[str, tuple[float, float]]:
         """The bounds of a fit of these laws, with what they hold."""
         return {**self.settings.bounds, **{name: (value, value) for name, value in laws.held}}
 
-    def transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Floats:
+    def transfer_starts(self, current: FittedSet, spec: DamperSpec, box: Box) -> Floats:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
-        rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
+        rows = [in_other_dependences(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.array(rows)))
 
 
@@ -537,32 +543,32 @@ class LawSearch:
 class _Change:
     """A change of the parameters `names`, and the candidate to which it leads."""
 
-    laws: LawSet
+    laws: DependenceSet
     names: frozenset[str]
 
-    def after(self, other: _Change) -> LawSet:
+    def after(self, other: _Change) -> DependenceSet:
         """The candidate with both changes, of other parameters."""
         own, changed = self.laws, other.laws
         laws = {name: law for name, law in own.laws if name not in other.names}
         laws |= {name: law for name, law in changed.laws if name in other.names}
         held = {name: value for name, value in own.held if name not in other.names}
         held |= {name: value for name, value in changed.held if name in other.names}
-        return LawSet.of(laws, held)
+        return DependenceSet.of(laws, held)
 
 
-def laws_of_size(parameter: ParamSpec, number: int, commands: Floats) -> list[CommandLaw]:
+def dependences_of_size(parameter: ParamSpec, number: int, commands: Floats) -> list[Dependence]:
     """Laws of a parameter with a number of coefficients, polynomials through values first."""
     if number == 1:
         return [CONSTANT]
-    polynomial = CommandLaw(number - 1)
+    polynomial = Dependence(number - 1)
     laws = [polynomial] if number - 1 <= MOST_DEGREE else []
     if number > 2:
-        laws.append(law_through(polynomial.at_commands(commands.tolist()).nodes, "monotone"))
+        laws.append(dependence_through(polynomial.at_commands(commands.tolist()).nodes, "monotone"))
     if number == _OF_SATURATION:
         ends = float(commands[0]), float(commands[-1])
-        laws += [law_through(ends, form) for form in SATURATING_FORMS]
+        laws += [dependence_through(ends, form) for form in SATURATING_FORMS]
     if parameter.is_positive and number - 1 <= MOST_DEGREE:
-        laws.append(CommandLaw(number - 1, form="log_polynomial"))
+        laws.append(Dependence(number - 1, form="log_polynomial"))
     return laws
 
 
@@ -576,7 +582,7 @@ def prepare_search(
     threads: int,
     *,
     lagged: bool = False,
-) -> LawSearch:
+) -> DependenceSearch:
     """Check the settings and prepare the folds: of few records, stretches of each with a varying command."""
     if plain.command_unit is not None:
         raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
@@ -586,7 +592,7 @@ def prepare_search(
         )
     spec = plain.with_current_laws({}, unit=unit)
     tested = CommandedTests.of(spec, tests)
-    spec = with_changed_laws(spec, laws_at(given, tested.commands))
+    spec = with_other_dependences(spec, dependences_at(given, tested.commands))
     typed = laws_to_type(plain, given, tested.commands)
     varies = tested.vary
     if lagged and not varies:
@@ -627,12 +633,12 @@ def prepare_search(
     linear, of_test = plain, np.zeros(len(short), dtype=np.intp)
     if varies:
         # Every law that is tried is nearly one through values at these.
-        every = CommandLaw(form="monotone").at_commands(commands.tolist())
+        every = Dependence(form="monotone").at_commands(commands.tolist())
         commands, full = np.array(every.nodes), dict.fromkeys(plain.names, every)
         linear = plain.with_current_laws(full, unit=unit, lag="one_rate" if lagged else "none")
     else:
         of_test = np.searchsorted(commands, tested.set_points)
-    return LawSearch(
+    return DependenceSearch(
         plain=plain,
         tests=short,
         folds=folds,

@@ -12,10 +12,10 @@ from math import inf, isfinite
 from pathlib import Path
 
 from mrwork.base.arguments import Threads
-from mrwork.base.hints import InUnit, Node, Within, instead_of, node_of
+from mrwork.base.hints import Hint, InUnit, Within, instead_of, node_of
 
 # As many digits of a number as a message repeats.
-_SHOWN = 40
+_DIGITS_SHOWN = 40
 # Integers from which on a limit is the machine's.
 _NO_LIMIT = 2**53
 
@@ -30,7 +30,7 @@ class Range:
     word: str = ""
 
     @classmethod
-    def of(cls, node: Node) -> Range:
+    def of(cls, node: Hint) -> Range:
         """The range that a number is annotated with."""
         within = next((note for note in node.notes if isinstance(note, Within)), Within())
         unit = next((note.unit for note in node.notes if isinstance(note, InUnit)), "")
@@ -56,7 +56,7 @@ class Range:
             value = int(text) if self.whole else float(text)
             if not instead_of(value, (self.within,)):
                 return value
-        shown = repr(text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…")
+        shown = repr(text if len(text) <= _DIGITS_SHOWN else f"{text[:_DIGITS_SHOWN]}…")
         kind, within = "a whole number" if self.whole else "a number", replace(self, word="").in_words
         nor = f", nor {self.word}" if self.word else ""
         raise argparse.ArgumentTypeError(f"{shown} is not {kind} {within}".rstrip() + nor)

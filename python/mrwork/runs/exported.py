@@ -141,7 +141,7 @@ def exported(run: str | Path | Fit | StudyResults, wanted: Wanted, *, tcl: bool)
 
 
 # A MATLAB file of version 5: structs whose arrays have their unit and words beside them.
-_LONGEST = 63
+_LONGEST_NAME = 63
 # MATLAB's `iskeyword`.
 _KEYWORDS = frozenset({
     "break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for", "function", "global", "if",
@@ -157,7 +157,7 @@ def matlab_names(names: Iterable[str]) -> dict[str, str]:
         if not re.match(r"[A-Za-z]", valid) or valid in _KEYWORDS:
             valid = f"x{valid}"
         ends = chain([""], (f"_{number}" for number in count(2)))
-        distinct = (f"{valid[: _LONGEST - len(end)]}{end}" for end in ends)
+        distinct = (f"{valid[: _LONGEST_NAME - len(end)]}{end}" for end in ends)
         valid_names[name] = next(other for other in distinct if other not in valid_names.values())
     return valid_names
 

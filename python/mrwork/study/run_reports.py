@@ -40,7 +40,7 @@ class Step:
 _NO_COST = Step()
 
 
-class Course:
+class RunReports:
     """Reports of runs in progress, of these steps; recalled runs do not count for a rate."""
 
     def __init__(

@@ -31,7 +31,7 @@ from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
 from mrwork.records.observation import AS_IT_IS, Effect, observe_by
 from mrwork.twins.kernel import Kernel
-from mrwork.twins.models import on_processor
+from mrwork.twins.model_twins import on_processor
 from mrwork.twins.powers import root
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.traced_function import TracedFunction
@@ -236,7 +236,7 @@ def residuals(
     Of a point, shape (n_free,), it has the residuals of `mr.objective`, shape (n_residuals,), whose sum of squares is
     the squared misfit. In tests whose simulation fails they are 1, with derivatives of zero.
     """
-    objective = objective_of(model, tests, coordinates)
+    objective = candidate_objective(model, tests, coordinates)
     return function_of(objective, form_of(objective, substeps, threads), "Residuals")
 
 
@@ -280,11 +280,11 @@ def misfit(
     >>> jax.grad(misfit)(jnp.array(misfit.start)).shape
     (4,)
     """
-    candidates = objective_of(model, tests, coordinates)
+    candidates = candidate_objective(model, tests, coordinates)
     return function_of(candidates, Misfit(residuals=form_of(candidates, substeps, threads)), "Misfit")
 
 
-def objective_of(
+def candidate_objective(
     model: DamperSpec | str | CandidateObjective,
     tests: DamperTest | Sequence[DamperTest] | None,
     coordinates: Coordinates | None,

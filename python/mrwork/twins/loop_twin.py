@@ -21,7 +21,7 @@ from mrwork import _rust
 from mrwork.base.values import array_dataclass
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop_laws import Measurement
-from mrwork.twins.models import left_of_lag, parameters_at, twin_of
+from mrwork.twins.model_twins import left_of_lag, parameters_at, twin_of
 from mrwork.twins.powers import root
 
 # As STEPS_PER_CHECK of `block.rs`.
@@ -237,7 +237,7 @@ class LoopResult(NamedTuple):
     end: Array
 
 
-def simulate(
+def simulate_run(
     run: LoopRun,
     n_samples: Array | int,
     steps: Array | int,

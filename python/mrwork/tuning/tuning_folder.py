@@ -14,12 +14,12 @@ from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import CHOSEN, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
 from mrwork.study.arrangements import own_law_of
-from mrwork.study.folder import results_of_folder, study_document, study_files
 from mrwork.study.schema import LawFileTable
 from mrwork.study.study import StudyFile
+from mrwork.study.study_folder import results_of_folder, study_document, study_files
 from mrwork.tuning.judging import TunedStudy, with_tuning
-from mrwork.tuning.results import TunedLaw, TuningResults
 from mrwork.tuning.space import LARGEST, follows_command
+from mrwork.tuning.tuned_laws import TunedLaw, TuningResults
 
 
 def tuning_files(results: TunedStudy, study_file: StudyFile) -> dict[str, bytes]:

@@ -18,8 +18,8 @@ from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.remark import Measured, RemarkKind
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
+from mrwork.dampers.dependence import CURVE_FORMS, LawName, dependence_of
 from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
-from mrwork.dampers.laws import CURVE_FORMS, LawName, law_of
 from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.simulation import Loading, simulate_forces
 from mrwork.dampers.spec import DamperSpec
@@ -27,7 +27,7 @@ from mrwork.identification.batch import JournalOf, with_journal
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.race import same_minimum
-from mrwork.identification.problem import Problem, fingerprint_of
+from mrwork.identification.problem import Problem, problem_fingerprint
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest, observed
@@ -35,8 +35,13 @@ from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.choose import Choice, Choosing, refuse_unknown, select_known
-from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, LawSet, prepare_search
-from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
+from mrwork.uncertainty.choice.dependence_search import (
+    DependenceSearch,
+    DependenceSet,
+    FittedSet,
+    prepare_search,
+)
+from mrwork.uncertainty.choice.objections import dying_dependences, fastest_at_commands
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.choice.screening import compared_models
 
@@ -54,16 +59,16 @@ _NOT_LISTED = RemarkKind("laws_not_listed", "not listed: {value:.0f} with the fo
 class _ChoosingLaws(Choosing):
     """A choice of laws that runs; `firsts` are the fits with first laws, by model."""
 
-    searches: dict[str, LawSearch]
+    searches: dict[str, DependenceSearch]
     given: Mapping[str, LawName]
     unit: CommandUnit
     firsts: dict[str, Fit] = field(default_factory=dict)
 
     @property
-    def fitted_laws(self) -> list[FittedLaws]:
+    def fitted_laws(self) -> list[FittedSet]:
         return [laws for search in self.searches.values() for laws in search.fitted]
 
-    def evaluate(self, search: LawSearch) -> None:
+    def evaluate(self, search: DependenceSearch) -> None:
         """Fit the first laws of a model, then try their neighbours; one of several models may fail."""
         with self._failing_alone(search):
             first = self._fit_alone(
@@ -100,14 +105,14 @@ class _ChoosingLaws(Choosing):
         fit = self._fit_to_excerpts(*self._fitted(ranking.chosen_standing), status="interrupted")
         return Choice(ranking=ranking, fits=(fit,), seconds=self.seconds)
 
-    def _failing_alone(self, search: LawSearch) -> AbstractContextManager[None]:
+    def _failing_alone(self, search: DependenceSearch) -> AbstractContextManager[None]:
         """Records why one of several models cannot be fitted; errors of the only model are raised."""
         return nullcontext() if len(self.searches) == 1 else self.recording_failure(search.name)
 
     def _fit_alone(
         self,
-        search: LawSearch,
-        laws: LawSet,
+        search: DependenceSearch,
+        laws: DependenceSet,
         what: str,
         settings: FitSettings,
         tests: tuple[DamperTest, ...],
@@ -132,7 +137,7 @@ class _ChoosingLaws(Choosing):
 
         return with_journal(self.journal_of, f"{search.name}/{what.split()[0]}", fit)
 
-    def _confirmed(self, search: LawSearch, laws: FittedLaws) -> tuple[Start, SearchTrace, str]:
+    def _confirmed(self, search: DependenceSearch, laws: FittedSet) -> tuple[Start, SearchTrace, str]:
         """The chosen laws as they fit the excerpts best, by which search, and why a lower minimum is possible, or "".
 
         The laws were reached from neighbours, which may all be in one false minimum; a search of their own is not.
@@ -159,17 +164,17 @@ class _ChoosingLaws(Choosing):
             )
         return dict(zip(laws.spec.names, alone.theta, strict=True)), alone.trace, doubt
 
-    def _try_laws(self, search: LawSearch, journal: Journal | None) -> None:
+    def _try_laws(self, search: DependenceSearch, journal: Journal | None) -> None:
         search.report = partial(self._report, search)
         search.call = LongCall(journal=journal)
         if journal is not None:
             spec, _ = search.model(search.first_laws)
-            facts = fingerprint_of(Problem.of(spec, search.tests, search.excerpt_settings))
+            facts = problem_fingerprint(Problem.of(spec, search.tests, search.excerpt_settings))
             texts = {name: str(law) for name, law in search.given.items()}
             journal.agree("choice of laws", facts | {"leave_out": search.folds.splits.fold, "given": texts})
         search.run(self.firsts[search.name])
 
-    def _final_fit(self, search: LawSearch, laws: FittedLaws, journal: Journal | None) -> Fit:
+    def _final_fit(self, search: DependenceSearch, laws: FittedSet, journal: Journal | None) -> Fit:
         start, trace, doubt = self._confirmed(search, laws)
         return identify_with(
             laws.spec,
@@ -183,7 +188,9 @@ class _ChoosingLaws(Choosing):
             doubt=doubt,
         )
 
-    def _fit_to_excerpts(self, search: LawSearch, laws: FittedLaws, status: FitStatus = "converged") -> Fit:
+    def _fit_to_excerpts(
+        self, search: DependenceSearch, laws: FittedSet, status: FitStatus = "converged"
+    ) -> Fit:
         """Laws as they were fitted to the excerpts, with their quality on the whole tests."""
         bounded = replace(search.settings, bounds=search.bounds_of(laws.laws))
         settings = bounded.with_effects(search.effects_of(laws))
@@ -199,7 +206,7 @@ class _ChoosingLaws(Choosing):
             seconds=self.seconds,
         )
 
-    def _choose_others(self, ranking: Ranking) -> list[tuple[LawSearch, FittedLaws]]:
+    def _choose_others(self, ranking: Ranking) -> list[tuple[DependenceSearch, FittedSet]]:
         """Of the sets that predict nearly as well, those whose forces differ most beyond the tests, best first.
 
         They are compared under the fastest motion at each command, enlarged. Then come laws of the chosen one through
@@ -223,9 +230,11 @@ class _ChoosingLaws(Choosing):
             *_farthest_apart([first, *self._other_forms(*first)], halfway, _MOST_FORMS),
         ]
 
-    def _other_forms(self, search: LawSearch, chosen: FittedLaws) -> list[tuple[LawSearch, FittedLaws]]:
+    def _other_forms(
+        self, search: DependenceSearch, chosen: FittedSet
+    ) -> list[tuple[DependenceSearch, FittedSet]]:
         """The chosen laws all in one form, but for those that die in it; empty where there is no other form."""
-        sets = list[tuple[LawSearch, FittedLaws]]()
+        sets = list[tuple[DependenceSearch, FittedSet]]()
         for form in CURVE_FORMS:
             instead = {
                 parameter.name: law
@@ -233,7 +242,9 @@ class _ChoosingLaws(Choosing):
                 for law in own.other_forms(parameter)
                 if law.form == form
             }
-            dying = dying_laws(search.in_other_form(chosen, instead).spec, chosen.fit.theta[0], self.tests)
+            dying = dying_dependences(
+                search.in_other_form(chosen, instead).spec, chosen.fit.theta[0], self.tests
+            )
             for limit in dying:
                 instead.pop(limit.parameter, None)
             other = search.in_other_form(chosen, instead)
@@ -250,13 +261,13 @@ class _ChoosingLaws(Choosing):
             rows, remarks=(*self.remarks, *same), unit=self.unit, given=dict(self.given), complete=complete
         )
 
-    def _fitted(self, standing: Standing) -> tuple[LawSearch, FittedLaws]:
+    def _fitted(self, standing: Standing) -> tuple[DependenceSearch, FittedSet]:
         search = self.searches[standing.model]
         return search, next(
             laws for laws in search.fitted if (laws.row.laws, laws.row.held) == (standing.laws, standing.held)
         )
 
-    def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
+    def _report(self, search: DependenceSearch, task: str, within: Progress | None = None) -> None:
         errors = [laws.row.error for laws in self.fitted_laws]
         numbers, tried = dict[str, float](), list[str]()
         if errors:
@@ -266,10 +277,12 @@ class _ChoosingLaws(Choosing):
 
 
 def _farthest_apart(
-    sets: Sequence[tuple[LawSearch, FittedLaws]], motions: Sequence[tuple[DamperTest, Loading]], most: int
-) -> list[tuple[LawSearch, FittedLaws]]:
+    sets: Sequence[tuple[DependenceSearch, FittedSet]],
+    motions: Sequence[tuple[DamperTest, Loading]],
+    most: int,
+) -> list[tuple[DependenceSearch, FittedSet]]:
     """Of the sets but the first those whose forces differ most from it and each other under enlarged motions."""
-    rows, finite = list[Floats](), list[tuple[LawSearch, FittedLaws]]()
+    rows, finite = list[Floats](), list[tuple[DependenceSearch, FittedSet]]()
     for search, laws in sets:
         forces = []
         for test, loading in motions:
@@ -365,7 +378,7 @@ def choose_laws(
         spec.name: prepare_search(
             spec,
             tests,
-            {name: law_of(law) for name, law in select_known(laws, spec).items()},
+            {name: dependence_of(law) for name, law in select_known(laws, spec).items()},
             unit,
             leave_out,
             replace(

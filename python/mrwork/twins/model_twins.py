@@ -284,7 +284,9 @@ def twin_of(spec: DamperSpec) -> Twin:
     if spec.own is not None:
         return _twin_with(spec, *equations_of(spec.own))
     if spec.name not in EQUATIONS:
-        raise UnknownNameError(f"{spec.name} has no JAX twin; write its equations in mrwork/twins/models.py")
+        raise UnknownNameError(
+            f"{spec.name} has no JAX twin; write its equations in mrwork/twins/model_twins.py"
+        )
     rate, force = EQUATIONS[spec.name]
     return _twin_with(spec, force, rate)
 

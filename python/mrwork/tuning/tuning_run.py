@@ -24,15 +24,15 @@ from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.loop_case import training_case
 from mrwork.study.motions import refuse_same
-from mrwork.study.options import TunedLaws
+from mrwork.study.run_options import TunedLaws
 from mrwork.study.runs import asking
 from mrwork.study.schema import Risk, TuneTable
-from mrwork.study.study import Study, constant_share, fingerprint_of
+from mrwork.study.study import Study, constant_share, study_fingerprint
 from mrwork.study.trials import designed, magnitudes_of_runs
 from mrwork.tuning.law_plan import Bench, LawPlan, check_controllable, without_gradient
 from mrwork.tuning.law_tuning import (
     check_settings,
-    constant_commands,
+    constant_references,
     first_candidates,
     front_of,
     regulator_shapes,
@@ -40,8 +40,8 @@ from mrwork.tuning.law_tuning import (
     weights_of_regulators,
 )
 from mrwork.tuning.placing import compare_places, placed_study, placements_of
-from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
-from mrwork.tuning.space import LawCandidate, TuningObjective, objective_of, space_of
+from mrwork.tuning.space import LawCandidate, TuningObjective, space_of, tuning_objective
+from mrwork.tuning.tuned_laws import Front, Placement, TunedLaw, TuningResults
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
 
@@ -107,7 +107,7 @@ def tune(
     study = designed(asking(study, (name for table in tables for name in table.judged_by)), journal=journal)
     if journal is not None:
         stated = {"tune": [*map(given_in, tables)], "places": study.table.places, "rng": rng}
-        journal.agree("tuning", {**fingerprint_of(study), **stated})
+        journal.agree("tuning", {**study_fingerprint(study), **stated})
     places, references = list[Placement](), list[TunedLaw]()
     # Laws that are done, and the law that is searched.
     tuned, searched, fronts = list[TunedLaw](), list[TunedLaw](), list[Front]()
@@ -175,7 +175,7 @@ def _plan(
     """The laws of tables, and the references, those with weights still to be simulated."""
     case = training_case(study, threads=threads)
     bench = Bench(study=study, case=case, call=call)
-    constants = constant_commands(bench)
+    constants = constant_references(bench)
     baselines: dict[str, LawCandidate] = {law.kind: law.candidate for law in constants}
     benches = [bench.with_baselines(baselines)]
     if any(table.robust for table in tables):
@@ -289,4 +289,4 @@ def objective_for(table: TuneTable, study: Study) -> TuningObjective:
             raise InvalidSettingError("objectives", sentence) from None
     if table.gradient_steps and (lacking := without_gradient(study, table)):
         raise InvalidSettingError("gradient_steps", f"{lacking}, or leave gradient_steps out")
-    return objective_of(table, study.command_unit, Scales.of(study.building), study.scored)
+    return tuning_objective(table, study.command_unit, Scales.of(study.building), study.scored)

@@ -60,7 +60,7 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
 
 
 @dataclass(slots=True, kw_only=True, eq=False, repr=False)
-class Ensemble(Summarised):
+class WalkerChain(Summarised):
     """Chain of positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers).
 
     `at` holds the number of steps and the random state after them in one tuple, so that an interrupt cannot separate
@@ -73,7 +73,7 @@ class Ensemble(Summarised):
     at: tuple[int, RandomState]
 
     @classmethod
-    def begin(cls, target: Callable[[Floats], Floats], walkers: Floats, rng: int) -> Ensemble:
+    def begin(cls, target: Callable[[Floats], Floats], walkers: Floats, rng: int) -> WalkerChain:
         """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
         # emcee uses the legacy generator.
         stream = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(rng)))
