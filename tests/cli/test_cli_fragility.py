@@ -12,7 +12,7 @@ from refusals import command_refusal
 from study_texts import ONE_STOREY
 
 import mrwork as mr
-from mrwork.tuning import run as tuning_run
+from mrwork.tuning import tuning_run
 
 STUDY = f"""design_level = "0.3 g"
 {ONE_STOREY}[report]

@@ -93,7 +93,7 @@ def test_convergence_is_drawn_for_any_trace(best: tuple[float, ...]) -> None:
     evaluations = tuple(10**6 * (1 + i) for i in range(len(best)))
     trace = SearchTrace(evaluations=evaluations, best=best, median=(math.inf,) * len(best), stop_reason="")
     with style.drawn_in_style():
-        figure = search.convergence(trace, 0.061 if best else math.inf)
+        figure = search.convergence_figure(trace, 0.061 if best else math.inf)
         assert_labels_apart(figure)
     low, high = figure.axes[0].get_ylim()
     assert 0 < low < high < math.inf

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import mrwork as mr
-from mrwork.twins import models, powers
+from mrwork.twins import model_twins, powers
 
 _FIRST, _END = "@_twin()\ndef bingham", "@dataclass"
 
@@ -19,15 +19,17 @@ def _equations() -> dict[str, tuple[Any, Any]]:
     """Rate and force of each model."""
     found: dict[str, tuple[Any, Any]] = {}
 
-    def twin(rate: Any = models._without_states) -> Any:
+    def twin(rate: Any = model_twins._without_states) -> Any:
         return lambda force: found.setdefault(force.__name__, (rate, force))[1]
 
-    text = inspect.getsource(models)
+    text = inspect.getsource(model_twins)
     start = text.index(_FIRST)
     # At the lines of the file, whose text is looked at when it is recorded.
     part = "\n" * text[:start].count("\n") + text[start : text.index(_END, start)]
-    names = vars(models) | vars(powers) | {"jnp": np, "EQUATIONS": found, "_twin": twin, "__name__": "own"}
-    exec(compile(part, models.__file__, "exec", flags=__future__.annotations.compiler_flag), names)
+    names = (
+        vars(model_twins) | vars(powers) | {"jnp": np, "EQUATIONS": found, "_twin": twin, "__name__": "own"}
+    )
+    exec(compile(part, model_twins.__file__, "exec", flags=__future__.annotations.compiler_flag), names)
     return found
 
 

@@ -6,13 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
+import scipy.signal
 from command_line import mrwork
 from loop_samples import nothing
 from quarter_car import CAR
 from refusals import command_refusal, refusal
 
 import mrwork as mr
+from mrwork.base.values import Floats
 from mrwork.motions import GroundMotion, force_motion
+from mrwork.motions.examination import force_remarks
 from mrwork.motions.ground_motion import correlation_of_motions
 from mrwork.report.study.figures import motion_section
 from mrwork.study.histories import read_history
@@ -287,8 +291,85 @@ def test_forces_far_from_the_weight_are_asked_about(folder: Path, factor: float)
         made = study(folder, 'force = "wind.csv"\n' + more)
         return [(remark.code, remark.measured.unit) for remark in made.remarks if remark.measured]
 
-    assert remarks(f"factor = {factor}") == [("floor_force_unusual", "N")]
-    assert remarks("") == []
+    # The sines of the table begin at 93 % of their peak.
+    assert remarks(f"factor = {factor}") == [("floor_force_unusual", "N"), ("force_sudden", "N")]
+    assert remarks("") == [("force_sudden", "N")]
+
+
+LONG = 0.1 * np.arange(1200)
+BREEZE = 4e3 * (1.0 + 0.1 * np.sin(0.7 * LONG) + 0.1 * np.sin(2.3 * LONG)) * np.minimum(LONG / 30.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("force", "dt", "told"),
+    [
+        (BREEZE, 0.1, []),
+        (BREEZE[600:], 0.1, ["force_sudden"]),
+        (np.where(LONG[700] == LONG, 60.0, 1.0) * BREEZE, 0.1, ["force_wild"]),
+        (BREEZE, 50.0, ["force_step_long"]),
+        (-BREEZE[600:], 0.1, ["force_sudden"]),
+        (0.0 * BREEZE, 0.1, []),
+    ],
+)
+def test_forces_are_examined_as_ground_motions_are(force: Floats, dt: float, told: list[str]) -> None:
+    forces = np.outer([0.5, 1.0], force)
+    assert [remark.code for remark in force_remarks("wind", forces, dt, 1e6, 0.5)] == told
+
+
+DECK = """[building]
+mass = [[9000.0, 0.0], [0.0, 9000.0]]
+stiffness = [[3.1e6, -1.4e6], [-1.4e6, 3.1e6]]
+modal_damping = { ratios = ["0.8 %"] }
+influence = [0.0, 0.0]
+floor_names = ["third", "two thirds"]
+"""
+SHAKE = '[[motion]]\nsynthetic = "kanai_tajimi"\nduration = 4\n'
+
+
+def test_a_deck_that_the_ground_does_not_move_answers_to_forces(tmp_path: Path) -> None:
+    time = 0.02 * np.arange(500)
+    forces = np.array([[300.0], [200.0]]) * np.sin(2.0 * np.pi * 2.1 * time)
+    head = "time (s),third (N),two thirds (N)"
+    np.savetxt(tmp_path / "crowd.csv", np.vstack([time, forces]).T, delimiter=",", header=head, comments="")
+    (tmp_path / "deck.toml").write_text(f'{DECK}[[motion]]\nforce = "crowd.csv"\n')
+    results = mr.run_study(mr.read_study(tmp_path / "deck.toml"), threads=1)
+    found = results.criteria(0, 0)
+    assert found is not None
+    # Exact for forces that are straight between samples.
+    mass, stiffness = 9e3 * np.eye(2), np.array([[3.1e6, -1.4e6], [-1.4e6, 3.1e6]])
+    squared, shapes = scipy.linalg.eigh(stiffness, mass)
+    damping = mass @ shapes @ np.diag(0.016 * np.sqrt(squared)) @ shapes.T @ mass
+    state = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness / 9e3, -damping / 9e3]])
+    push = np.vstack([np.zeros((2, 2)), np.eye(2) / 9e3])
+    fine = np.arange(0.0, time[-1] + 1e-9, 0.002)
+    finer = np.array([np.interp(fine, time, each) for each in forces]).T
+    system = scipy.signal.StateSpace(state, push, state[2:], push[2:])
+    _, acceleration, _ = scipy.signal.lsim(system, finer, fine)
+    assert found["peak_acceleration"] == pytest.approx(np.abs(acceleration).max(), rel=1e-3)
+    assert "ground_unfelt" not in {remark.code for remark in results.remarks}
+    # With a share of the mass that follows the ground, however small, it is the same deck.
+    tiny = DECK.replace("[0.0, 0.0]", "[1e-9, 1e-9]") + '[[motion]]\nforce = "crowd.csv"\n'
+    (tmp_path / "tiny.toml").write_text(tiny)
+    beside = mr.run_study(mr.read_study(tmp_path / "tiny.toml"), threads=1)
+    assert beside.criteria(0, 0) == pytest.approx(found, nan_ok=True)
+
+
+def test_a_ground_that_moves_nothing_is_told(tmp_path: Path) -> None:
+    (tmp_path / "deck.toml").write_text(DECK + SHAKE)
+    made = mr.read_study(tmp_path / "deck.toml")
+    assert "ground_unfelt" in {remark.code for remark in made.remarks}
+    assert made.building.total_mass == 0.0
+    assert made.building.reference_mass == 18e3
+    (tmp_path / "deck.toml").write_text(DECK.replace("[0.0, 0.0]", "[1.0, 1.0]") + SHAKE)
+    assert "ground_unfelt" not in {remark.code for remark in mr.read_study(tmp_path / "deck.toml").remarks}
+
+
+def test_a_mass_ratio_on_a_deck_is_of_its_mode(tmp_path: Path) -> None:
+    (tmp_path / "deck.toml").write_text(
+        DECK + 'tuned_mass = [{ floor = "third", mass_ratio = 0.02 }]\n' + SHAKE
+    )
+    # Both coordinates move alike in the first mode, so that its mass at either is that of both.
+    assert mr.read_study(tmp_path / "deck.toml").building.mass[-1, -1] == pytest.approx(0.02 * 18e3)
 
 
 @pytest.mark.parametrize(

@@ -127,6 +127,8 @@ def coordinate_remarks(building: Structure) -> Iterator[Remark]:
     every second floor. Rotations have positive ones between neighbours, and without their own influence K r there.
     Displacements relative to other floors share masses.
     """
+    if not building.follows_ground:
+        return
     follows = np.flatnonzero(building.influence)
     stiffness = building.stiffness[np.ix_(follows, follows)]
     diagonal, mass = np.diag(stiffness), np.diag(building.mass)[follows]

@@ -170,6 +170,11 @@ def with_lead_rubber_bearings(
 
 
 @checked
+def _mass_of_ratio(building: Building, entry: float) -> float:
+    """What mass ratios are of: the building, or its mode of this `entry` at the floor if nothing follows the ground."""
+    return building.total_mass if building.follows_ground else 1.0 / entry**2
+
+
 def with_liquid_column(
     building: Building,
     *,
@@ -264,7 +269,7 @@ def with_optimal_liquid_column(
         If a number is out of range, or the mode does not exist or does not move the floor.
     """
     omega, _, entry = mode_at_floor(building, floor, mode, name)
-    mass = mass_ratio * building.total_mass
+    mass = mass_ratio * _mass_of_ratio(building, entry)
     frequency_ratio, ratio = liquid_column_optimum(mass * entry**2, width_ratio)
     frequency = frequency_ratio * omega / (2.0 * pi)
     return with_liquid_column(
@@ -375,7 +380,7 @@ def with_optimal_tuned_mass(
         is at least twice the effective mass of the mode.
     """
     omega, damping_ratio, entry = mode_at_floor(building, floor, mode, name)
-    mass = mass_ratio * building.total_mass
+    mass = mass_ratio * _mass_of_ratio(building, entry)
     modal_ratio = mass * entry**2
     if not modal_ratio < 2.0:
         raise SettingError(

@@ -183,7 +183,7 @@ class Building(Structure, Plotted, Summarised):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Of condensed coordinates, `damping_remarks`, and questions on modes, coordinates, damping and strength."""
-        asks = len(self.mass) <= MOST_QUESTIONED and self.total_mass > 0.0
+        asks = len(self.mass) <= MOST_QUESTIONED and self.follows_ground
         asked = asked_of(self, self._modal()) if asks else ()
         return (*self.condensing, *self.damping_remarks, *asked)
 

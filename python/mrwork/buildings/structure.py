@@ -17,6 +17,8 @@ Status = Literal["verified", "published", "ours", "masses not known"]
 """Origin of the numbers of a building; the masses of a state space without M are not known."""
 # Decimals of coordinates under a unit drift, which are ones and zeros of most frames; what is rounding of a spring.
 _DECIMALS, _CHAIN = 12, 1e-9
+# Share of the masses below which what follows the ground is rounding.
+_NOTHING = 1e-12
 
 
 @array_dataclass(repr=False)
@@ -211,3 +213,13 @@ class Structure:
     def total_mass(self) -> float:
         """Mass in rigid-body motion with the ground: r' M r [kg]."""
         return float(self.influence @ self.mass @ self.influence)
+
+    @property
+    def follows_ground(self) -> bool:
+        """Whether anything of it moves with the ground; a deck or a cable in its own coordinates does not."""
+        return self.total_mass > _NOTHING * float(np.trace(self.mass))
+
+    @property
+    def reference_mass(self) -> float:
+        """What forces on it are compared with: `total_mass`, or that of all coordinates if none follows [kg]."""
+        return self.total_mass if self.follows_ground else float(np.trace(self.mass))

@@ -33,8 +33,9 @@ Scale = Literal["", "weight", "height", "yield drift", "stability"]
 class Scales(Summarised):
     """What numbers of a run are divided by: the weight of the building [N], and numbers of its storeys, lowest first.
 
-    These are heights [m], drifts at which storeys yield [m], and weights on the storeys [N] with P-delta, shape
-    (..., n_storeys); a storey with 0 has none, NaN and empty arrays are not known.
+    The weight is NaN where nothing follows the ground. The others are heights [m], drifts at which storeys yield [m],
+    and weights on the storeys [N] with P-delta, shape (..., n_storeys); a storey with 0 has none, NaN and empty arrays
+    are not known.
     """
 
     weight: float | Floats
@@ -46,7 +47,7 @@ class Scales(Summarised):
     def of(building: Building) -> Scales:
         """The scales of a building without dampers."""
         return Scales(
-            weight=building.total_mass * STANDARD_GRAVITY,
+            weight=building.total_mass * STANDARD_GRAVITY if building.follows_ground else np.nan,
             heights=building.of_drifts(building.heights),
             yield_drifts=building.of_drifts(building.yield_drifts),
             loads=building.of_drifts(building.loads),

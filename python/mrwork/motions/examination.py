@@ -84,11 +84,62 @@ _FORCE: Final = RemarkKind(
 )
 
 
-def force_remarks(name: str, peak: float, weight: float) -> Iterator[Remark]:
-    """Remarks on the peak sum of forces on floors [N], zero for none, of a building of this weight [N]."""
-    share = peak / weight
-    if share and not _LEAST_SHARE <= share <= _MOST_SHARE:
-        yield _FORCE.remark(name, measured=Measured(peak, "N"), share=share)
+# A force that sets in at once moves a structure up to twice as far as it does in the end.
+_OVERSHOOT = 2.0
+# Steps of a force in first periods of the structure, beyond which no wind or crowd is recorded.
+_LONG_STEP = 10.0
+_SUDDEN: Final = RemarkKind(
+    "force_sudden",
+    "motion {0}: its forces set in at once with {value:.3g} N, {percent:.0f} % of their peak, so that peak responses "
+    "may be those of the start",
+    "let the forces rise from zero over some periods of the structure",
+)
+_FORCE_WILD: Final = RemarkKind(
+    "force_wild",
+    "motion {0}: a force leaps away from both neighbours at {at:.6g} s by {value:.3g} N, more than any other (such "
+    "samples: {count})",
+    "take it out of the file if it is a fault of the recorder",
+)
+_FORCE_STEP: Final = RemarkKind(
+    "force_step_long",
+    "motion {0}: the step of its forces is {value:.3g} s, and the first period of the structure {period:.3g} s",
+    "check whether the times are seconds, milliseconds or sample numbers",
+)
+
+
+def force_remarks(name: str, forces: Floats, dt: float, weight: float, period: float) -> Iterator[Remark]:
+    """Remarks on forces on floors [N], shape (n_floors, n_time), every `dt` [s].
+
+    The structure has this weight [N] and first period [s].
+    """
+    total = forces.sum(axis=0)
+    if not (peak := float(np.abs(total).max(initial=0.0))) > 0.0:
+        return
+    if not _LEAST_SHARE <= peak / weight <= _MOST_SHARE:
+        yield _FORCE.remark(name, measured=Measured(peak, "N"), share=peak / weight)
+    if dt > _LONG_STEP * period:
+        yield _FORCE_STEP.remark(name, measured=Measured(dt, "s"), period=period)
+    first = abs(float(total[0]))
+    if _OVERSHOOT * first > peak:
+        yield _SUDDEN.remark(name, measured=Measured(first, "N"), percent=100.0 * first / peak)
+    if total.size >= _FEWEST_WITH_SHAPE and (wild := _wild_samples(total)).size:
+        at = int(wild[0])
+        leap = float(np.abs(total[at] - total[[at - 1, at + 1]]).min())
+        yield _FORCE_WILD.remark(name, measured=Measured(leap, "N"), at=dt * at, count=wild.size)
+
+
+_UNFELT: Final = RemarkKind(
+    "ground_unfelt",
+    "motion {0}: its ground accelerates to {value:.3g} m/s2, and nothing of the structure follows the ground, because "
+    "its influence is zero",
+    "give the influence of [building], or forces in place of the ground",
+)
+
+
+def unfelt_ground(name: str, peak: float, *, follows: bool) -> Iterator[Remark]:
+    """Warn of a ground motion [m/s^2] under a structure of which nothing follows the ground."""
+    if peak > 0.0 and not follows:
+        yield _UNFELT.remark(name, measured=Measured(peak, "m/s^2"))
 
 
 def motion_remarks(

@@ -265,7 +265,7 @@ def equip_building(
                     rows[number],
                     storey,
                     **named(brace, "stiffness", "damping"),
-                    mass=brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names),
+                    mass=brace.mass or _JOINT_SHARE * bare.reference_mass / len(bare.floor_names),
                     name=name,
                 )
             # The coordinate that the brace adds does not move other dampers.

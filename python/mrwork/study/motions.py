@@ -22,7 +22,7 @@ from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.files.roles import Stated
 from mrwork.motions import GroundMotion
-from mrwork.motions.examination import force_remarks, refuse_absurd
+from mrwork.motions.examination import force_remarks, refuse_absurd, unfelt_ground
 from mrwork.motions.forces import read_forces, shares_of, with_forces
 from mrwork.motions.ground_motion import (
     baseline_corrected,
@@ -57,13 +57,14 @@ T = TypeVar("T")
 class Aims:
     """What motions are scaled to: periods of the building without dampers and of the target, if there is one [s].
 
-    Forces are compared with the `weight` of the building [N].
+    Forces are compared with the `weight` of the building [N], which may have nothing that `follows_ground`.
     """
 
     first_period: float
     weight: float
     target_period: float
     target: TargetSpectrum | None = None
+    follows_ground: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +153,11 @@ def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOf
                 copy_of=copy_of,
             ),
             factor=factor,
-            remarks=(*bare.remarks, *force_remarks(ground.name, ground.peak_force, aims.weight)),
+            remarks=(
+                *bare.remarks,
+                *force_remarks(ground.name, ground.forces, ground.dt, aims.weight, aims.first_period),
+                *unfelt_ground(ground.name, ground.peak, follows=aims.follows_ground),
+            ),
         )
         for ground, intensity, factor in scaled
     ]

@@ -193,7 +193,8 @@ def _study_of(table: StudyTable, inputs: _Found, origin: StudyOrigin) -> Study:
     period = None if table.target is None else table.target.given.get("period")
     aims = Aims(
         first_period=first,
-        weight=STANDARD_GRAVITY * bare.total_mass,
+        weight=STANDARD_GRAVITY * bare.reference_mass,
+        follows_ground=bare.follows_ground,
         target=inputs.target,
         target_period=period or first,
     )
@@ -390,7 +391,7 @@ def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy], bare: 
     if level is not None:
         of_level = is_test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
         is_test = of_level if of_level.any() else is_test
-    return int(np.argmax([peak_push(motion.ground, bare.total_mass) for motion in motions] * is_test))
+    return int(np.argmax([peak_push(motion.ground, bare.reference_mass) for motion in motions] * is_test))
 
 
 def _facts(

@@ -141,8 +141,8 @@ class BuildingFacts:
     `heights` belong to the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
     weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0. `passive` are the
     passive devices, and `passive_storeys` the storeys that such devices stand across; `total_mass` moves with the
-    ground [kg]. Of a structure whose storeys all have names of their own, as tyre and suspension, `parts` are these:
-    it is not called a building, nor they storeys.
+    ground [kg], or is that of all coordinates where nothing `follows_ground`. Of a structure whose storeys all have
+    names of their own, as tyre and suspension, `parts` are these: it is not called a building, nor they storeys.
 
     There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix, with
     moments of inertia.
@@ -161,6 +161,7 @@ class BuildingFacts:
     passive_storeys: tuple[int, ...] = ()
     total_mass: float = 0.0
     parts: tuple[str, ...] = ()
+    follows_ground: bool = True
 
     def __post_init__(self) -> None:
         # Of a run folder without it.
@@ -171,7 +172,7 @@ class BuildingFacts:
     def scales(self) -> Scales:
         """What criteria are divided by."""
         arrays = named(self, "heights", "yield_drifts", "loads").items()
-        weight = self.total_mass * STANDARD_GRAVITY
+        weight = self.total_mass * STANDARD_GRAVITY if self.follows_ground else np.nan
         return Scales(weight=weight, **{name: np.array(array) for name, array in arrays})
 
     @property
@@ -195,7 +196,8 @@ class BuildingFacts:
             name=building.name,
             **{name: tuple(array.tolist()) for name, array in numbers.items()},
             drift_limit=building.drift_limit,
-            total_mass=building.total_mass,
+            total_mass=building.reference_mass,
+            follows_ground=building.follows_ground,
             passive=tuple(device.name for device in devices),
             passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
             parts=() if numbered.intersection(names) else names,

@@ -487,7 +487,7 @@ class Study(Summarised):
             raise SettingError(
                 f"study {self.title!r}: no motion is for {use}; give one of its motions use = {use!r}"
             )
-        peaks = [peak_push(self.grounds[number], self.building.total_mass) for number in numbers]
+        peaks = [peak_push(self.grounds[number], self.building.reference_mass) for number in numbers]
         detailed = self.detailed if self.detailed in numbers else numbers[int(np.argmax(peaks))]
         stored = {detailed if number == self.detailed else number for number in self.histories}
         return replace(

@@ -248,11 +248,11 @@ def magnitudes_of_runs(
         displacement=displacement,
         velocity=velocity,
         acceleration=at_zero("peak_acceleration"),
-        energy=building.total_mass * velocity**2,
+        energy=building.reference_mass * velocity**2,
         force=middle(on.peak_force[0, :, 0]),
         stroke=stroke,
         rate=first * stroke,
-        ground=middle(np.array([peak_push(motion, building.total_mass) for motion in motions])),
+        ground=middle(np.array([peak_push(motion, building.reference_mass) for motion in motions])),
         command=largest_command(devices),
         shares=sends_shares(devices),
     )

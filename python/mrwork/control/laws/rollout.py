@@ -184,7 +184,7 @@ class RolloutSettings(LawSettings):
             tables={
                 "timing": np.array([self.decision, self.step or 0.0, problem.delay, rate, first * rate]),
                 "forecast": np.array([order, _FORGETTING, _COVARIANCE]),
-                "correction": np.array([_COMPARED, _COUNTED * building.total_mass]),
+                "correction": np.array([_COMPARED, _COUNTED * building.reference_mass]),
                 "shears": np.array(
                     [float(self.shear_offsets), self.adaptation, self.adaptation_least, self.adaptation_most]
                 ),
