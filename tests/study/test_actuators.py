@@ -77,6 +77,31 @@ def test_scores_of_actuators_alone_are_over_the_building_without_them() -> None:
     assert results.score(0).mean == 1.0 > results.score(1).mean
 
 
+def test_the_command_of_an_actuator_is_counted_in_newtons() -> None:
+    dashpot = 2e5
+    made = study([lambda sample, memory: dashpot * sample.rate], hardware={"sample_time": 1e-3})
+    results = mr.run_study(made, threads=1)
+    (row,) = [number for number, row in enumerate(results.rows) if row.kind == "actuator"]
+    of_run = results.quantities.at(row, 0)
+    # The force is the command, held over each sample.
+    assert of_run["peak_current"][0] == of_run["peak_force"][0] > 1e3
+    rates = mr.simulate_loop(
+        FRAME,
+        [mr.buildings.ideal_actuator(name="jack", row=FRAME.storeys[0])],
+        mr.closed_loop.UserLaw(name="dashpot", command=lambda sample, memory: dashpot * sample.rate),
+        [MOTION],
+        mr.Hardware(sample_time=1e-3),
+        histories=True,
+    )
+    assert rates.histories is not None
+    sent = rates.histories[0].force[:-1, 0]
+    assert of_run["rms_current"][0] == pytest.approx(np.sqrt(np.mean(sent**2)), rel=1e-9)
+    assert of_run["command_travel"][0] == pytest.approx(np.abs(np.diff(sent)).sum() / 4.0, rel=2e-2)
+    text = str(rates)
+    assert "peak command" in text
+    assert "A or V" not in text
+
+
 def test_limits_are_in_newtons_for_actuators_and_in_the_place_of_dampers() -> None:
     damper = {"storey": 1, "preset": "kwok2006"}
     laws = [
@@ -122,7 +147,7 @@ def test_a_pid_in_python_sends_forces_that_saturate() -> None:
     results = mr.run_study(study([law], {**ACTUATOR, "largest_force": 60e3}), threads=1)
     assert [row.kind for row in results.rows] == ["uncontrolled", "actuator"]
     assert results.quantities.peak_force[1, 0, 0, 0] == 60e3
-    assert np.isnan(results.quantities.peak_current[1]).all()
+    assert results.quantities.peak_current[1, 0, 0, 0] == 60e3
     drifts = results.quantities.rms_drift[:, 0, 0].max(axis=1)
     assert drifts[1] < 0.95 * drifts[0]
 

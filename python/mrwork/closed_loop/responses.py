@@ -259,7 +259,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     largest energy. `steps` is the number of integration steps per sample, `shape` the numbers of candidates, motions
     and draws. `devices` are the dampers, none where actuators replace them; `seconds` are the lengths of the motions.
     `slopes` are the exact derivatives of the `numbers` along each direction in the gains that the `LoopVariation` has.
-    `law_remarks` are on a gain that no design has looked at.
+    `law_remarks` are on a gain that no design has looked at; commands are in `command_unit`, those of actuators in N.
     """
 
     shape: tuple[int, int, int]
@@ -272,6 +272,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     motions: tuple[str, ...] = ()
     slopes: tuple[Mapping[str, Floats], ...] = ()
     law_remarks: tuple[Remark, ...] = ()
+    command_unit: str = COMMAND_UNIT
 
     @checked
     def over_axes(self, name: str) -> Floats:
@@ -302,7 +303,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
             },
             arrays={
                 name: quantity_named(name).array(
-                    self._over_axes(values), *first, command_unit=command_unit_of(self.devices)
+                    self._over_axes(values), *first, command_unit=self.command_unit
                 )
                 for name, values in self.numbers.items()
             }
@@ -377,11 +378,12 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     def _summary(self) -> Summary:
         candidates, motions, draws = self.shape
         finished = np.isfinite(self.energy_error)
+        asked = "current" if self.devices else "command"
         rows = [
             (
-                name.replace("_", " "),
+                name.replace("_", " ").replace("current", asked),
                 *(format_rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
-                quantity_named(name).unit,
+                in_command_unit(quantity_named(name).unit, self.command_unit),
             )
             for name in _IN_SUMMARY
             for values in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]

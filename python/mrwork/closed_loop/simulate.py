@@ -44,7 +44,14 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.laws_of_users import IN_PYTHON, law_in_loop, loop_shape, recorded_for
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.closed_loop.process_law import ProcessLaw
-from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
+from mrwork.closed_loop.responses import (
+    History,
+    Responses,
+    columns_by_name,
+    command_unit_of,
+    history_signals,
+    run_quantities,
+)
 from mrwork.closed_loop.rows_law import RowsLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
@@ -452,6 +459,7 @@ def _responses(
             for run in at
         ),
         devices=() if sends_forces(loop.devices) else loop.devices,
+        command_unit=command_unit_of(loop.devices),
         seconds=tuple(motion.duration for motion in motions),
         motions=tuple(motion.name for motion in motions),
         numbers=by_name(summary),

@@ -46,7 +46,7 @@ from mrwork.dampers.tested_range import least_stroke
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
-from mrwork.study.study import Arrangement, Study, commands_force
+from mrwork.study.study import Arrangement, Study, commands_force, replaces_dampers
 
 Axes = Mapping[str, tuple[str, ...]]
 """Labels along each axis by its name."""
@@ -352,8 +352,8 @@ def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes, asked: S
         if columns is not None and quantity.axis != "device":
             places = arrangement.places.get(quantity.axis)
             fill(name, columns if places is None else columns[:, places])
-        # The command of an ideal actuator is a force, not a current.
-        elif columns is not None and not (name in _COMMANDS and commands_force(arrangement)):
+        # What is asked of an ideal actuator in the place of dampers is a force, and no command of theirs.
+        elif columns is not None and not (name in _COMMANDS and replaces_dampers(arrangement)):
             fill(name, columns[:, : len(dampers)], dampers)
     return runs
 

@@ -234,6 +234,11 @@ def commands_force(arrangement: Arrangement) -> bool:
     return sends_forces(arrangement.devices) or (isinstance(law, ControlLaw) and law.spec.commands_force)
 
 
+def replaces_dampers(arrangement: Arrangement) -> bool:
+    """Whether the law of an arrangement commands forces in the place of dampers that follow a command."""
+    return commands_force(arrangement) and not sends_forces(arrangement.devices)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyFile:
     """The file of a study as it was read: its absolute path, and its content."""
