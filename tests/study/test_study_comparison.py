@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import study_samples
 
+from mrwork.report.study.front import study_lead
 from mrwork.study import StudyResults, compared
-from mrwork.study.comparison import change_table, compared_quantities, verdict
+from mrwork.study.comparison import change_table, compared_quantities, scored_in_words, verdict
 from mrwork.study.study import Row
 from mrwork.study.study_folder import study_document
 
@@ -105,6 +106,24 @@ def test_many_laws_are_counted_where_they_are_worse() -> None:
     counts = dict(zip([entry.name for entry in compared_quantities()], table.foot[1:], strict=False))
     # Of the two laws, the last one.
     assert (counts["peak_acceleration"], counts["peak_drift"]) == ("1", "0")
+
+
+def test_a_study_with_a_score_of_its_own_is_judged_by_it() -> None:
+    # The last law lowers the peak acceleration under one motion, and the score is of the drift alone.
+    results = replace(with_constant(), scored=("rms_drift",))
+    assert results.has_own_score
+    best = compared(results)
+    own, other = (results.score(row).mean for row in (SHAKEN, 3))
+    assert own < other
+    assert verdict(best, SHAKEN) == "lower score on 2 of 2 motions"
+    said = scored_in_words(results, SHAKEN, 3, "Best constant")
+    assert (
+        f"{results.rows[SHAKEN].label} has the lowest score, below Best constant: {own:.3f} for {other:.3f}"
+        in said
+    )
+    assert scored_in_words(results, 3, SHAKEN, "the law").startswith("No law has a lower score than the law")
+    assert study_lead(best).verdict.startswith(said.partition(",")[0])
+    assert not with_constant().has_own_score
 
 
 def test_a_verdict_names_what_did_not_finish() -> None:

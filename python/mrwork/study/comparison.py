@@ -15,10 +15,10 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import Criterion, criteria, is_within_spread, ties_in_words
+from mrwork.closed_loop.evaluation import Criterion, criteria, criterion, is_within_spread, ties_in_words
 from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyResults
 from mrwork.study.row_kinds import LAWS, RANKS, ROW_KINDS, Rank
@@ -168,6 +168,13 @@ def verdict(comparison: Comparison, row: int) -> str:
     if constant := constant_in_words(results, row):
         return constant
     reference, motions = comparison.references[-1], counted(len(judged), "motion")
+    if results.has_own_score:
+        scores = (
+            np.array([results.score(each, (motion,)).mean for motion in judged]) for each in (row, reference)
+        )
+        lower = int(np.less(*scores).sum())
+        tied = comparison.passive is not None and is_tied(results, row, reference)
+        return f"lower score on {lower} of {motions}{'; equal within the spread' if tied else ''}"
     counts = [times_better(results, row, reference, names) for names in (BOTH[:1], BOTH[1:], BOTH)]
     if None in counts:
         return f"{results.rows[reference].label} did not finish under every motion"
@@ -202,6 +209,18 @@ def beaten_in_words(law: str, constant: str, changes: Mapping[str, Floats]) -> s
     if lowers_all(changes):
         return f"{law} lowers both peaks against {constant}: {peaks}"
     return f"No law lowers both peaks against {constant}. {law}, the law with the lowest score: {peaks}"
+
+
+def scored_in_words(results: StudyResults, row: int, reference: int, constant: str) -> str:
+    """Whether a row has a lower score than a constant command, by the criteria that the study states."""
+    label, judged_by = results.rows[row].label, list_names([criterion(name).short for name in results.scored])
+    own, other = (results.score(each).mean for each in (row, reference))
+    if not np.isfinite([own, other]).all():
+        return f"{label} has no score against {constant}: a run did not finish"
+    numbers = f"{own:.3f} for {other:.3f} ({judged_by}, over i = 0)"
+    if own < other:
+        return f"{label} has the lowest score, below {constant}: {numbers}"
+    return f"No law has a lower score than {constant}. {label}, the best of them: {numbers}"
 
 
 def lowers_all(changes: Mapping[str, Floats]) -> bool:

@@ -360,6 +360,11 @@ class StudyResults(Plotted, Summarised):
         }
 
     @property
+    def has_own_score(self) -> bool:
+        """Whether the study states what it is scored by."""
+        return self.scored != SCORE
+
+    @property
     def n_realisations(self) -> int:
         """Number of realisations of what is uncertain, beside the nominal one."""
         return self.criteria_of_runs.shape[2] - self.quantities.shape[2]

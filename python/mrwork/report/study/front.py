@@ -25,6 +25,7 @@ from mrwork.study.comparison import (
     is_tied,
     lowers_all,
     peaks_in_words,
+    scored_in_words,
     signed_percent,
     times_better,
     verdict,
@@ -127,9 +128,17 @@ def _verdict(comparison: Comparison) -> str:
         label = results.rows[comparison.leading].label
         return f"No control law is compared. {label} against no dampers: {peaks_in_words(changes)}."
     every = {row: _changes_of(comparison, row, passive) for row in laws}
-    row = next((row for row, changes in every.items() if lowers_all(changes)), laws[0])
-    constant, motions = results.rows[passive].label, len(results.judged_motions)
+    # The law of the lowest score is the first one.
+    row, constant, motions = laws[0], results.rows[passive].label, len(results.judged_motions)
     over = f"{constant} on average over {judged}" if motions > 1 else constant
+    if results.has_own_score:
+        tied = "; within the spread of the motions they are equal" if is_tied(results, row, passive) else ""
+        return f"{scored_in_words(results, row, passive, over)}{tied}."
+    lower = [row for row, changes in every.items() if lowers_all(changes)]
+    if lower and lower[0] != row:
+        best = f"{results.rows[row].label} has the lowest score, {results.score(row).mean:.3f}: "
+        other = beaten_in_words(results.rows[lower[0]].label, over, every[lower[0]])
+        return f"{best}{peaks_in_words(every[row])}. {other}, with a score of {results.score(lower[0]).mean:.3f}."
     both = times_better(results, row, passive) if motions > 1 else None
     under = "" if both is None else f", both lower under {both} of {motions}"
     tied = "; within the spread of the motions they are equal" if is_tied(results, row, passive) else ""
