@@ -26,6 +26,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.identification.suspicious import force_noise
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
+from mrwork.records.checks import ONE_WAY
 from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.records.likeness import RecordedMotion
 from mrwork.records.observation import AS_IT_IS, Effect, Observation
@@ -60,6 +61,10 @@ def explain_failures(fit: Fit, test: DamperTest) -> Iterator[None]:
         ) from error
 
 
+# Deviation of a force of one way, as a share of its mean, below which it is constant: less than friction has of noise.
+_CONSTANT = 0.2
+
+
 def fit_quality(
     test: DamperTest, force: Floats, *, substeps: int, estimated: Observation = AS_IT_IS
 ) -> FitQuality:
@@ -80,7 +85,8 @@ def fit_quality(
     centred = residual - residual.mean()
     power = float(centred @ centred)
     rmse = rms(residual)
-    nrmse = rmse / float(np.std(test.force[counted]))
+    deviates = float(np.std(test.force[counted]))
+    nrmse = rmse / deviates
     return FitQuality(
         test=test.name,
         fit_percent=100.0 * (1.0 - nrmse),
@@ -93,6 +99,8 @@ def fit_quality(
         substeps=substeps,
         observation=test.observation,
         estimated=estimated,
+        constant=deviates < _CONSTANT * abs(float(test.force[counted].mean()))
+        and any(remark.code == ONE_WAY.code for remark in test.remarks),
     )
 
 

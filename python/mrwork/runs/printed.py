@@ -30,7 +30,7 @@ from mrwork.study.trials import designed
 def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None) -> CSource:
     """The C of the damper of a fit; what the records add to its force is left out, and told in the head."""
     refuse_bounds(fit)
-    of_tests = f"{fit.fit_percent:.2f} % of {len(fit.quality)} test{'s' if len(fit.quality) > 1 else ''}"
+    of_tests = f"{fit.fit_in_words} of {len(fit.quality)} test{'s' if len(fit.quality) > 1 else ''}"
     return damper_source(
         c_name(name),
         fit.spec,
