@@ -49,8 +49,9 @@ class FittedParameter:
     """One parameter of a fit, in SI: value, uncertainty, bounds, and what the data say of it.
 
     `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
-    residuals are correlated. It is `None` where the parameter is not identifiable by the derivatives, was fixed, or is
-    on a bound (`state`). The `verdict` is by the `interval`, if there is one, else by the standard error.
+    residuals are correlated. It is `None` where the derivatives do not determine the parameter, or to no better than a
+    hundred times its value, where it was fixed, or is on a bound (`state`). The `verdict` is by the `interval`, if
+    there is one, else by the standard error.
     `tie` is the expression that the parameter is tied to, empty where it is not.
     """
 

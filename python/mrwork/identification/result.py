@@ -10,6 +10,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrwork.base.numbers import times
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
@@ -198,7 +199,7 @@ def _half_step_change(
 _NEAR = 1.25
 _STRUCTURE = RemarkKind(
     "residual_is_structure",
-    "the residual, {rmse:.3g} N rms, is {value:.2g} times the noise of the force: errors of parameters are of a model "
+    "the residual, {rmse:.3g} N rms, is {times} the noise of the force: errors of parameters are of a model "
     "that leaves structure, not of the damper, and tests of other motions may move a parameter by more",
 )
 _COARSE_STEP = RemarkKind("step_coarse", "{change}", warns=True)
@@ -208,7 +209,8 @@ def _remarks_on(fit: Fit) -> Iterator[Remark]:
     """Structure in the residual, a coarse step, and laws that fail in or near the tested commands or between them."""
     spec, theta, tested, change = fit.spec, np.array(fit.theta), fit.tested, fit.half_step_percent
     if fit.times_noise is not None:
-        yield _STRUCTURE.remark(measured=Measured(fit.times_noise, ""), rmse=fit.rmse_n)
+        measured = Measured(fit.times_noise, "")
+        yield _STRUCTURE.remark(measured=measured, rmse=fit.rmse_n, times=times(fit.times_noise))
     if change is not None and change > _MOST_CHANGE:
         yield _COARSE_STEP.remark(measured=Measured(change, "%"), change=step_in_words(change))
     if tested.command is None:
