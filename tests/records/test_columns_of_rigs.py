@@ -108,7 +108,6 @@ def test_a_scale_without_a_unit_of_the_quantity_is_refused(scale: str) -> None:
 @pytest.mark.parametrize(
     "columns",
     [
-        {"Time (s)": TIME, "Angle (deg)": MM, "Torque (Nm)": NEWTON},
         {"Time (s)": TIME, "Servo motor speed": MM, "Torque": NEWTON},
         {"Time (s)": TIME, "Drehzahl": MM, "Drehmoment": NEWTON},
         {"Time (s)": TIME, "Way (furlong)": MM, "Push (dyn)": NEWTON},

@@ -115,6 +115,7 @@ _SYMBOLS: Final[Mapping[str, Unit]] = {
     "kgf": Unit(STANDARD_GRAVITY, _FORCE),
     "tf": Unit(1e3 * STANDARD_GRAVITY, _FORCE),
     "Pa": Unit(1.0, {"kg": 1, "m": -1, "s": -2}, "GMk"),
+    "bar": Unit(1e5, {"kg": 1, "m": -1, "s": -2}, "m"),
     "psi": Unit(_POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
     "ksi": Unit(1e3 * _POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
     "J": Unit(1.0, {"kg": 1, "m": 2, "s": -2}, "GMkm"),
@@ -195,6 +196,54 @@ _PURE: Final[Mapping[str, Mapping[str, float]]] = {
     "rad": {"rad": 1.0, "deg": math.pi / 180.0},
 }
 _EVERY: Final = (*FACTORS.values(), *_PURE.values())
+
+_DEGREE: Final = math.pi / 180.0
+_FEET: Final = _POUND_FORCE * 0.3048
+_ROTARY: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = {
+    "displacement": {
+        **dict.fromkeys(("rad", "radian", "radians"), 1.0),
+        **dict.fromkeys(("deg", "\N{DEGREE SIGN}", "degree", "degrees", "grad"), _DEGREE),
+        **dict.fromkeys(("rev", "revs", "turn", "turns"), 2.0 * math.pi),
+    },
+    "velocity": {
+        "rad/s": 1.0,
+        **dict.fromkeys(("deg/s", "\N{DEGREE SIGN}/s"), _DEGREE),
+        "rev/s": 2.0 * math.pi,
+        **dict.fromkeys(("rpm", "rev/min"), math.pi / 30.0),
+    },
+    "force": {
+        "nm": 1.0, "knm": 1e3, "nmm": 1e-3, "ncm": 1e-2,
+        **dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf"), _FEET),
+        **dict.fromkeys(("lbfin", "lbin", "inlb", "inlbf"), _FEET / 12.0),
+    },
+}  # fmt: skip
+"""Units of an angle, its rate and a torque, in the places of displacement, velocity and force of a rotary damper."""
+
+
+def rotary_factor(unit: str, quantity: MeasuredQuantity) -> float | None:
+    """Factor to rad, rad/s or N m of a unit of a rotary damper, in the place of a quantity; `None` of another."""
+    text = "".join(unit.split()).casefold()
+    bare = text if quantity != "force" else re.sub("[\N{MIDDLE DOT}*_.-]", "", text)
+    return _ROTARY.get(quantity, {}).get(bare)
+
+
+def factor_of_product(own: str, by: str, other: str, quantity: MeasuredQuantity) -> float | None:
+    """Factor to SI of a unit times (`*`) or over (`/`) another, as of bar*cm2, deg*m and Nm/m; `None` if it is none."""
+    angle, torque = rotary_factor(own, "displacement"), rotary_factor(own, "force")
+    left = unit_of(own)
+    if angle is not None:
+        left = Unit(angle, {})
+    elif torque is not None:
+        left = Unit(torque, {"kg": 1, "m": 2, "s": -2})
+    right, target = unit_of(other), unit_of(next(iter(FACTORS[quantity])))
+    if left is None or right is None or target is None:
+        return None
+    sign = 1 if by == "*" else -1
+    bases = {*left.powers, *right.powers}
+    powers = {base: left.powers.get(base, 0) + sign * right.powers.get(base, 0) for base in bases}
+    is_it = {base: power for base, power in powers.items() if power} == target.powers
+    return left.factor * right.factor**sign if is_it else None
+
 
 # Quantity and factor of each symbol; in any case, except for mega, which would be milli.
 _MEASURED: Final[Mapping[str, tuple[MeasuredQuantity, float]]] = {

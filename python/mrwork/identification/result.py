@@ -22,7 +22,7 @@ from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
 from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
 from mrwork.identification.objective import Objective
-from mrwork.identification.problem import Problem, provenance_of
+from mrwork.identification.problem import Problem, are_rotary, provenance_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.suspicious import force_noise
 from mrwork.identification.verdicts import fitted_parameters
@@ -31,6 +31,7 @@ from mrwork.records.checks import ONE_WAY
 from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.records.likeness import RecordedMotion
 from mrwork.records.observation import AS_IT_IS, Effect, Observation
+from mrwork.records.read import ROTARY
 
 
 def free_run(
@@ -208,6 +209,8 @@ _COARSE_STEP = RemarkKind("step_coarse", "{change}", warns=True)
 def _remarks_on(fit: Fit) -> Iterator[Remark]:
     """Structure in the residual, a coarse step, and laws that fail in or near the tested commands or between them."""
     spec, theta, tested, change = fit.spec, np.array(fit.theta), fit.tested, fit.half_step_percent
+    if are_rotary(fit.tests):
+        yield ROTARY.remark()
     if fit.times_noise is not None:
         measured = Measured(fit.times_noise, "")
         yield _STRUCTURE.remark(measured=measured, rmse=fit.rmse_n, times=times(fit.times_noise))

@@ -17,6 +17,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
+from mrwork.files.grid import last_digit
 from mrwork.records.damper_test import Channel, DamperTest, Smoothing
 from mrwork.records.motion import Differentiator, SmoothMotion, reversals, spectrum
 
@@ -313,6 +314,8 @@ _FEWEST_RUNS: Final = 2
 # A parabola with slope s per sample at the cut would have risen by s n / 4 over the n samples cut. Rounding alone
 # gives less than one step of the resolution.
 _OVERSHOOT_STEPS: Final = 4.0
+# Share of a range in which levels next to its extreme tell its resolution.
+_TOP: Final = 0.1
 # Rounding to this share of half the range is an error of 0.7 % of it, rms, and makes plateaus as clipping does.
 _COARSE: Final = 0.025
 _FEWEST_LEVELS: Final = 5
@@ -404,13 +407,18 @@ def clipped_samples(samples: Floats) -> NDArray[np.bool_]:
     levels = np.unique(samples)
     if levels.size < 2 * _SHORTEST_RUN or coarse_step(samples) is not None:
         return clipped
-    resolution = float(np.diff(levels).min())
     sides = samples, -samples
-    peaks = [_clipped_peaks(side, resolution) for side in sides]
+    peaks = [_clipped_peaks(side, _resolution_at_top(np.unique(side))) for side in sides]
     if max(peaks) >= _FEWEST_RUNS:
         for side, count in zip(sides, peaks, strict=True):
             clipped |= (side == side.max()) & (count > 0)
     return clipped
+
+
+def _resolution_at_top(levels: Floats) -> float:
+    """Step of the levels at the highest: texts with a number of significant digits have finer ones near zero."""
+    near = levels[levels > levels[-1] - _TOP * (levels[-1] - levels[0])]
+    return max(float(np.diff(levels).min()), float(np.median(last_digit(near))))
 
 
 def _clipped_peaks(samples: Floats, resolution: float) -> int:
@@ -503,6 +511,10 @@ _FORCE: Final = RemarkKind(
 )
 _LARGE: Final = (f"more than the {1e-3 * _LARGEST_FORCE:.0f} kN of the largest dampers", "N taken for kN")
 _SMALL: Final = ("less than the seal of a damper takes", "kN taken for N")
+
+
+OF_STROKES: Final = frozenset({_STROKE.code, _FORCE.code})
+"""Codes of remarks on sizes of strokes and forces, which angles and torques do not have."""
 
 
 def force_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
