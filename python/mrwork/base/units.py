@@ -262,6 +262,9 @@ _RATE: Final = re.compile(
     r"(m|cm|mm|in|ft)(?:(?:/|p|_per_|_)s(?:(?:ec)?((?:\^|\*\*|_)?2|/s(?:ec)?|²))?|_?s(-2))", re.ASCII
 )
 
+# Between the symbols of a product.
+_BETWEEN: Final = re.compile("[-*\N{MIDDLE DOT}.]")
+
 # A letter directly behind a number begins its unit, unless it is the exponent.
 _GLUED: Final = re.compile(
     r"([+-]?(?:\d[\d_]*+(?:\.[\d_]*+)?+|\.\d[\d_]*+)(?:e[+-]?\d++)?+)([a-z%].*)",
@@ -368,7 +371,15 @@ def _measured(unit: str) -> tuple[MeasuredQuantity | None, float]:
     text = "/".join(_WORDS.get(part, part) for part in text.split("/")).casefold()
     if match := _RATE.fullmatch(text):
         text = f"{match[1]}/s{'2' if match[2] or match[3] else ''}"
-    return _MEASURED.get(symbol) or _MEASURED.get(text) or (None, 0.0)
+    return _MEASURED.get(symbol) or _MEASURED.get(text) or _mass_of(symbol) or (None, 0.0)
+
+
+def _mass_of(symbol: str) -> tuple[MeasuredQuantity, float] | None:
+    """A mass that is a force over an acceleration, as frame programs write it: kN-s²/m, lb-s2/in."""
+    if "s" not in symbol or "/" not in symbol:
+        return None
+    unit = unit_of(_BETWEEN.sub(" ", symbol).replace("²", "2").replace("^2", "2"))
+    return ("mass", unit.factor) if unit is not None and unit.powers == {"kg": 1} else None
 
 
 def command_unit_of(unit: str) -> CommandUnit | None:

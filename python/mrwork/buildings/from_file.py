@@ -82,8 +82,9 @@ class BuildingTable:
 
     published: str | None = optional("name of a published building, as uts")
     file: str | Building | None = optional(
-        "file of the building: .toml, .mat (M, C, K by name), a folder with M.csv, C.csv, K.csv, or a table of "
-        "storeys, .csv or .xlsx, with mass or weight, stiffness, and height or elevation of each",
+        "file of the building: .toml, .mat (M, C, K by name), a folder with M.csv, C.csv, K.csv, or tables of "
+        "storeys, .csv or .xlsx, with mass or weight, stiffness, and height or elevation of each; a sheet or, as in "
+        "stories.csv+mass.csv, a file for each quantity",
         file=True,
     )
     system: str | None = optional(

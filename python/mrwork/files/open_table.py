@@ -32,6 +32,19 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     A sheet is read as a text table is, so that header blocks, rows of units and times of the day are found. Formulas
     have the values that were saved with them.
     """
+    sheets, tables = _sheets(path)
+    records = [name for name, table in tables.items() if is_record(table)]
+    chosen = next(iter(records), max(tables, key=lambda name: len(sheets[name])))
+    table = tables[chosen]
+    table.further = tuple(name for name in records if name != chosen)
+    unused = [f"'{name}'" for name in sheets if name != chosen and name not in table.further]
+    if unused:
+        table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
+    return table
+
+
+def _sheets(path: Path) -> tuple[dict[str, list[str]], dict[str, ColumnTable]]:
+    """The lines of each sheet of a workbook that has any, and the tables of those that are one."""
     if importlib.util.find_spec("python_calamine") is None:
         raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
     data = bytes_of(path, RECORD)
@@ -44,14 +57,15 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     if not tables:
         listed = ", ".join(f"'{name}'" for name in sheets) or "it has none with cells"
         raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
-    records = [name for name, table in tables.items() if is_record(table)]
-    chosen = next(iter(records), max(tables, key=lambda name: len(sheets[name])))
-    table = tables[chosen]
-    table.further = tuple(name for name in records if name != chosen)
-    unused = [f"'{name}'" for name in sheets if name != chosen and name not in table.further]
-    if unused:
-        table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
-    return table
+    return sheets, tables
+
+
+def open_sheets(path: Path) -> list[ColumnTable]:
+    """Every table of a workbook, or the one of another file."""
+    if path.suffix.lower() != ".xlsx":
+        return [open_table(path, lambda _: True)]
+    check_file(path, RECORD)
+    return [*_sheets(path)[1].values()]
 
 
 _UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
