@@ -70,6 +70,10 @@ _SCALE: Final = re.compile(
     rf"(?P<own>[^*]*?)(?P<by>[*/])(?P<scale>[+-]?{_NUMBER})(?P<unit>[^\W\d][^+*-]*)"
     rf"(?:(?P<offset>[+-]{_NUMBER})(?P<of_offset>[^\W\d][^+*-]*))?"
 )
+# Forces of a table of peak velocities, in either direction.
+_OF_DYNAMOMETER: Final = re.compile(
+    r"compression|rebound|\bbump\b|jounce|druckstufe|zugstufe|compresi[oó]n|rebote|détente", re.IGNORECASE
+)
 # A scale without its unit.
 _NO_UNIT: Final = re.compile(rf":[^:*]*\*({_NUMBER})\s*(?:[-+]|$)")
 # The force of two pressures: P1:bar*12.5cm2-P2:bar*8cm2.
@@ -483,6 +487,15 @@ class Headings:
     def _refusal(self, unclear: Sequence[_UnclearError]) -> MrworkError:
         """The first problem, with the options that solve all of them."""
         free = self.free
+        peaks = [name for name in self.names if _OF_DYNAMOMETER.search(name)]
+        speed = next((name for name in self.names if quantity_of(self._stated(name)) == "velocity"), "")
+        if peaks and speed and any(error.missing.quantity == "time" for error in unclear):
+            named = list_names([f"'{name}'" for name in (speed, *peaks)])
+            return RecordError(
+                f"{self.source}: has forces over peak velocities, as of a dynamometer ({named}), and no times; models "
+                "are fitted to records over time, so export each run with its time, displacement and force; with this "
+                "table compare the force over velocity of a fit, as mrwork export RUN --to csv writes it"
+            )
         units = {name: self.units.get(name, "") or words_and_unit(name)[1] for name in free}
         options = suggested_options([error.missing for error in unclear], free, units, self.read)
         first = unclear[0]
