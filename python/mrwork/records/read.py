@@ -497,7 +497,7 @@ ROTARY: Final = RemarkKind(
     "rotary",
     "angle and torque: of all that follows N is N m, mm is mrad, mm/s is mrad/s, N s/m is N m s/rad, N/m is N m/rad "
     "and 1/m is 1/rad",
-    verbs=("check", "predict", "calibrate"),
+    verbs=OF_FILES,
 )
 """Of a rotary damper, whose model is the same with angle, rate and torque."""
 _TURNED: Final = RemarkKind(
