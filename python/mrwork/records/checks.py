@@ -525,7 +525,7 @@ def force_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
         yield _FORCE.remark(*words, measured=Measured(force, "N"), force=in_newtons(force, 3))
 
 
-_PACE: Final = RemarkKind(
+PACE: Final = RemarkKind(
     "time_unusual",
     "the motion has {value:.2g} Hz and {speed:.2g} mm/s in steps of {dt:.3g} s, {0} than a damper is tested",
     "check the units of the time (are {1}?) and of the displacement",
@@ -541,7 +541,7 @@ def pace_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     if not slow and not fast:
         return
     words = ("slower", "ms taken for s") if slow else ("faster", "s taken for ms")
-    yield _PACE.remark(*words, measured=Measured(motion.frequency, "Hz"), speed=1e3 * speed, dt=test.dt)
+    yield PACE.remark(*words, measured=Measured(motion.frequency, "Hz"), speed=1e3 * speed, dt=test.dt)
 
 
 _LARGE_COMMAND: Final = RemarkKind(

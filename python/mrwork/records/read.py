@@ -238,7 +238,9 @@ def test_from_arrays(
         synthetic=synthetic,
         **{"command_unit": command_unit if command is None else None, **fields},
     )
-    test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
+    # What stands between the samples of straight strokes is a mean of them, and of no channel.
+    if strokes is None:
+        test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
     return replace(test, remarks=(*remarks, *examine(test, motion)))
 
 
@@ -437,6 +439,9 @@ def read_damper_test(
     )
     used = {*(name for choice in chosen.values() for name in choice.columns), *of_scalar}
     test = with_nominal_command(test, nominal, headings.unclear_commands(used))
+    if step is not None:
+        # Who states the step has stated the unit of the time.
+        test = replace(test, remarks=tuple(each for each in test.remarks if each.code != checks.PACE.code))
     rotation = list[Remark]()
     if chosen["displacement"].rotary:
         rotation.append(ROTARY.remark())
