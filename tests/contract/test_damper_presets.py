@@ -73,3 +73,17 @@ def test_it_runs_and_dissipates_and_more_command_makes_more_force(preset):
 
 def test_an_unknown_set_is_refused_with_those_that_exist():
     refusal(damper("modified_bouc_wen").preset, "dyke", match="did you mean dyke1996")
+
+
+@pytest.mark.parametrize("force", [100e3, 200e3, 400e3])
+def test_a_set_that_is_scaled_by_similarity_has_that_share_of_the_force(force):
+    """At the same motion and command, to rounding; and says of whom it is."""
+    (large,) = (each for each in presets() if each.name == "yoshida2004")
+    (scaled,) = (each for each in presets() if each.name == f"yoshida2004_{1e-3 * force:.0f}kN")
+    assert scaled.rated_force == force
+    assert scaled.source.startswith("scaled by similarity from Yoshida, Dyke")
+    assert "no damper that was built" in scaled.note
+    for command in (0.0, 5.0, 10.0):
+        loading = replace(sine(), command=command, command_unit="V")
+        whole, part = (simulate_force(each.spec, np.array(each.theta), loading) for each in (large, scaled))
+        np.testing.assert_allclose(part, force / 1e6 * whole, rtol=1e-9, atol=1e-6)

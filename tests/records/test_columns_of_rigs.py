@@ -108,7 +108,6 @@ def test_a_scale_without_a_unit_of_the_quantity_is_refused(scale: str) -> None:
 @pytest.mark.parametrize(
     "columns",
     [
-        {"Time (s)": TIME, "Angle (deg)": MM, "Torque (Nm)": NEWTON},
         {"Time (s)": TIME, "Servo motor speed": MM, "Torque": NEWTON},
         {"Time (s)": TIME, "Drehzahl": MM, "Drehmoment": NEWTON},
         {"Time (s)": TIME, "Way (furlong)": MM, "Push (dyn)": NEWTON},
@@ -119,3 +118,28 @@ def test_a_name_that_contradicts_is_no_candidate(tmp_path: Path, columns: dict[s
     refusal(read_damper_test, path, match="displacement=COLUMN:m --column force=COLUMN:N")
     arm = {"displacement": "2:deg*1.5mm", "force": "3:Nm*2N"}
     assert read_damper_test(path, columns=arm).force.size == TIME.size
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Velocity (m/s),Compression (N),Rebound (N)",
+        "Peak velocity [mm/s],Zugstufe [N],Druckstufe [N]",
+        "v_mps,bump_N,rebound_N",
+    ],
+)
+def test_a_table_of_peak_velocities_is_told_what_it_is(tmp_path: Path, heading: str) -> None:
+    path = tmp_path / "dyno.csv"
+    path.write_text(f"{heading}\n0.05,180,-310\n0.13,320,-690\n0.26,510,-1250\n0.52,820,-1900\n")
+    said = str(refusal(read_damper_test, path, match="forces over peak velocities, as of a dynamometer"))
+    assert "export each run with its time" in said
+    assert "time=200 Hz" not in said
+
+
+def test_a_record_of_compression_over_time_is_no_table_of_peaks(tmp_path: Path) -> None:
+    path = write_table(
+        tmp_path / "rig.txt",
+        {"t_s": TIME, "Compression (mm)": MM, "v_mm/s": np.gradient(MM, TIME), "Load (N)": NEWTON},
+    )
+    options = {"displacement": "Compression (mm):mm"}
+    assert read_damper_test(path, columns=options).force.size == TIME.size

@@ -328,3 +328,16 @@ def test_a_force_that_a_logger_holds_within_one_way_is_told(held: int, told: boo
     force[1000 : 1000 + held] = force[1000]
     test = mr.test_from_arrays(name="held", time=time, displacement=motion, force=force)
     assert ("stuck" in codes(test)) is told
+
+
+@pytest.mark.parametrize("digits", [4, 5])
+@pytest.mark.parametrize("rate", [100, 200, 500, 1000])
+def test_a_sine_of_significant_digits_is_not_clipped_and_a_clipped_one_is(rate: int, digits: int) -> None:
+    """Steps of such numbers are finest near zero, and ten to a thousand times as large at the extreme."""
+    time = np.arange(0.0, 6.0, 1.0 / rate)
+    for frequency in (0.5, 1.0, 1.3, 2.0):
+        for amplitude in (0.025, 1.0, 9.5, 12.3456, 310.0):
+            whole = amplitude * np.sin(2.0 * np.pi * frequency * time + 0.3)
+            read = np.array([float(f"{value:.{digits}g}") for value in whole])
+            assert not clipped_samples(read).any()
+            assert clipped_samples(np.clip(read, -0.8 * amplitude, 0.8 * amplitude)).any()

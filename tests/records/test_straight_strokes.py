@@ -1,6 +1,7 @@
 """Slow loops of few samples a stroke: the motion is straight between samples, and these alone are compared."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -79,3 +80,20 @@ def test_a_loop_that_does_not_depend_on_the_speed_has_no_dashpot() -> None:
         error = found[name].standard_error
         assert error is not None
         assert abs(found[name].value - true) < 4.0 * error, name
+
+
+@pytest.mark.parametrize("step", ["1 s", "10 s"])
+def test_a_slow_loop_at_a_stated_step_has_no_average_and_no_doubt_of_its_unit(
+    tmp_path: Path, step: str
+) -> None:
+    """Twenty samples a stroke: what is put between them is no average, and who types seconds means them."""
+    loop = np.r_[np.linspace(0.0, 10.0, 11), np.linspace(9.0, -10.0, 20), np.linspace(-9.0, 0.0, 10)]
+    noise = np.random.default_rng(0).normal(0.0, 3.0, loop.size)
+    force = 50.0 * loop + 300.0 * np.sign(np.gradient(loop)) + noise
+    rows = np.column_stack([np.tile(loop, 3), np.tile(force, 3)])
+    np.savetxt(tmp_path / "loop.csv", rows, "%.3f", ",", header="Displacement (mm),Force (N)", comments="")
+    test = mr.read_damper_test(tmp_path / "loop.csv", columns={"time": step})
+    found = {remark.code for remark in test.remarks}
+    assert "strokes_straight" in found
+    assert not found & {"moving_average", "motion_averaged", "time_unusual"}
+    assert test.smoothing is None

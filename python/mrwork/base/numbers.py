@@ -23,6 +23,10 @@ _PLAIN_SIGNS = str.maketrans({MINUS: "-", NOTHING: "-", _THIN_SPACE: None})
 _PLAIN = (-6, 7)
 _DIGITS_OF_ERROR = 2
 _MOST_DIGITS = 8
+# An error below this share of its value is of arithmetic, and none of an estimate.
+_ROUNDING = 1e-7
+# A ratio above is far, and its digits say nothing.
+_FAR = 1000.0
 
 
 def format_fixed(value: float | None, decimals: int) -> str:
@@ -63,8 +67,14 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
     """An estimate and its standard error: the error to two digits, the value to the same decimal, both of one power.
 
     The value keeps a digit where the error is far larger; where both have too many digits, each is written on its own.
+    There is no error where it is rounding of the value.
     """
-    if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
+    if (
+        error is None
+        or not math.isfinite(error)
+        or error <= _ROUNDING * abs(value)
+        or not math.isfinite(value)
+    ):
         return shortest(value, 5), NOTHING
     of_error = leading_exponent(error, _DIGITS_OF_ERROR) - _DIGITS_OF_ERROR + 1
     finest = min(of_error, leading_exponent(value, 1)) if value else of_error
@@ -99,6 +109,11 @@ def decimals_of(values: Sequence[float], digits: int) -> int:
 def counted(count: int, noun: str) -> str:
     """A number of things, as "1 motion" or "2 motions"."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def times(ratio: float) -> str:
+    """How many times one number is another, as "12 times"; "more than 1000 times" where the digits say nothing."""
+    return f"{ratio:.2g} times" if ratio <= _FAR else f"more than {_FAR:.0f} times"
 
 
 def percent(share: float, decimals: int = 1) -> str:

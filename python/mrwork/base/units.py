@@ -115,6 +115,7 @@ _SYMBOLS: Final[Mapping[str, Unit]] = {
     "kgf": Unit(STANDARD_GRAVITY, _FORCE),
     "tf": Unit(1e3 * STANDARD_GRAVITY, _FORCE),
     "Pa": Unit(1.0, {"kg": 1, "m": -1, "s": -2}, "GMk"),
+    "bar": Unit(1e5, {"kg": 1, "m": -1, "s": -2}, "m"),
     "psi": Unit(_POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
     "ksi": Unit(1e3 * _POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
     "J": Unit(1.0, {"kg": 1, "m": 2, "s": -2}, "GMkm"),
@@ -196,6 +197,54 @@ _PURE: Final[Mapping[str, Mapping[str, float]]] = {
 }
 _EVERY: Final = (*FACTORS.values(), *_PURE.values())
 
+_DEGREE: Final = math.pi / 180.0
+_FEET: Final = _POUND_FORCE * 0.3048
+_ROTARY: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = {
+    "displacement": {
+        **dict.fromkeys(("rad", "radian", "radians"), 1.0),
+        **dict.fromkeys(("deg", "\N{DEGREE SIGN}", "degree", "degrees", "grad"), _DEGREE),
+        **dict.fromkeys(("rev", "revs", "turn", "turns"), 2.0 * math.pi),
+    },
+    "velocity": {
+        "rad/s": 1.0,
+        **dict.fromkeys(("deg/s", "\N{DEGREE SIGN}/s"), _DEGREE),
+        "rev/s": 2.0 * math.pi,
+        **dict.fromkeys(("rpm", "rev/min"), math.pi / 30.0),
+    },
+    "force": {
+        "nm": 1.0, "knm": 1e3, "nmm": 1e-3, "ncm": 1e-2,
+        **dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf"), _FEET),
+        **dict.fromkeys(("lbfin", "lbin", "inlb", "inlbf"), _FEET / 12.0),
+    },
+}  # fmt: skip
+"""Units of an angle, its rate and a torque, in the places of displacement, velocity and force of a rotary damper."""
+
+
+def rotary_factor(unit: str, quantity: MeasuredQuantity) -> float | None:
+    """Factor to rad, rad/s or N m of a unit of a rotary damper, in the place of a quantity; `None` of another."""
+    text = "".join(unit.split()).casefold()
+    bare = text if quantity != "force" else re.sub("[\N{MIDDLE DOT}*_.-]", "", text)
+    return _ROTARY.get(quantity, {}).get(bare)
+
+
+def factor_of_product(own: str, by: str, other: str, quantity: MeasuredQuantity) -> float | None:
+    """Factor to SI of a unit times (`*`) or over (`/`) another, as of bar*cm2, deg*m and Nm/m; `None` if it is none."""
+    angle, torque = rotary_factor(own, "displacement"), rotary_factor(own, "force")
+    left = unit_of(own)
+    if angle is not None:
+        left = Unit(angle, {})
+    elif torque is not None:
+        left = Unit(torque, {"kg": 1, "m": 2, "s": -2})
+    right, target = unit_of(other), unit_of(next(iter(FACTORS[quantity])))
+    if left is None or right is None or target is None:
+        return None
+    sign = 1 if by == "*" else -1
+    bases = {*left.powers, *right.powers}
+    powers = {base: left.powers.get(base, 0) + sign * right.powers.get(base, 0) for base in bases}
+    is_it = {base: power for base, power in powers.items() if power} == target.powers
+    return left.factor * right.factor**sign if is_it else None
+
+
 # Quantity and factor of each symbol; in any case, except for mega, which would be milli.
 _MEASURED: Final[Mapping[str, tuple[MeasuredQuantity, float]]] = {
     spelling: (quantity, factor)
@@ -212,6 +261,9 @@ _INCH: Final = re.compile(r"(?:[\"\u2033\u201d]|\u2032\u2032)(?=/|$)")
 _RATE: Final = re.compile(
     r"(m|cm|mm|in|ft)(?:(?:/|p|_per_|_)s(?:(?:ec)?((?:\^|\*\*|_)?2|/s(?:ec)?|²))?|_?s(-2))", re.ASCII
 )
+
+# Between the symbols of a product.
+_BETWEEN: Final = re.compile("[-*\N{MIDDLE DOT}.]")
 
 # A letter directly behind a number begins its unit, unless it is the exponent.
 _GLUED: Final = re.compile(
@@ -319,7 +371,15 @@ def _measured(unit: str) -> tuple[MeasuredQuantity | None, float]:
     text = "/".join(_WORDS.get(part, part) for part in text.split("/")).casefold()
     if match := _RATE.fullmatch(text):
         text = f"{match[1]}/s{'2' if match[2] or match[3] else ''}"
-    return _MEASURED.get(symbol) or _MEASURED.get(text) or (None, 0.0)
+    return _MEASURED.get(symbol) or _MEASURED.get(text) or _mass_of(symbol) or (None, 0.0)
+
+
+def _mass_of(symbol: str) -> tuple[MeasuredQuantity, float] | None:
+    """A mass that is a force over an acceleration, as frame programs write it: kN-s²/m, lb-s2/in."""
+    if "s" not in symbol or "/" not in symbol:
+        return None
+    unit = unit_of(_BETWEEN.sub(" ", symbol).replace("²", "2").replace("^2", "2"))
+    return ("mass", unit.factor) if unit is not None and unit.powers == {"kg": 1} else None
 
 
 def spelt_command_unit(unit: str) -> CommandUnit | None:

@@ -32,6 +32,8 @@ DRIFT_RATIOS: Final = (5e-4, 0.1)
 _HUMAN, _LEAST_FLOOR = 2.0, 200.0
 # Stiffness of a storey over that of ordinary ones; isolators are a hundred times softer.
 _STIFFER: Final = 300.0
+# Share of the base shear that goes to the ground by the lowest storey.
+_STANDS: Final = 0.02
 MOST_QUESTIONED: Final = 300
 """Coordinates of a building whose modes take a fraction of a second."""
 
@@ -136,15 +138,16 @@ def coordinate_remarks(building: Structure) -> Iterator[Remark]:
         return
     coupled = stiffness / np.sqrt(np.outer(diagonal, diagonal)) > _COUPLED
     np.fill_diagonal(coupled, val=False)
-    index = np.arange(len(follows))
+    index = building.floors.argmax(axis=0) if building.ordering else np.arange(len(follows))
     wrong = coupled & ((index[:, None] - index) % 2 == 1)
+    yield from _lowest_remark(building)
     held = (building.stiffness @ building.influence)[follows] / diagonal
     light = (mass < _LIGHT * mass.max()) & (np.abs(held) > ASYMMETRY)
     wrong |= coupled & (light[:, None] | light)
     if wrong.any() or (light & (held < 0.0)).any():
         first = int(follows[(light if light.any() else wrong.any(axis=1)).argmax()])
         yield _ROTATION.remark(building.name, coordinate=first + 1)
-    elif np.array_equal(building.floors, np.eye(len(building.mass))):
+    elif building.ordering or np.array_equal(building.floors, np.eye(len(building.mass))):
         # Elements with distributed mass couple neighbours by their stiffness more than by their mass.
         shared, joined = (
             np.abs(matrix) / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
@@ -156,6 +159,34 @@ def coordinate_remarks(building: Structure) -> Iterator[Remark]:
             one, other = divmod(int(shared.argmax()), len(shared))
             measured = Measured(float(building.mass[one, other]), "kg")
             yield _RELATIVE.remark(building.name, measured=measured, first=one + 1, second=other + 1)
+
+
+_LOWEST: Final = RemarkKind(
+    "lowest_storey_in_doubt",
+    "{0}: {1} is taken between the ground and coordinate {coordinate}, and {percent:.2g} % of what the stiffness holds "
+    "stands on the ground there",
+    "give floors and storeys, the rows from coordinates to floors and drifts, lowest first, in [building]",
+)
+
+
+def _lowest_remark(building: Structure) -> Iterator[Remark]:
+    """A remark on a lowest storey that holds nothing, as of matrices with the roof first."""
+    lowest = building.storeys[0]
+    coordinate = int(lowest.argmax())
+    beside = any(element.row[coordinate] for element in building.elements)
+    if beside or not (np.array_equal(lowest, np.eye(len(lowest))[coordinate]) and building.influence.all()):
+        return
+    try:
+        moved = np.linalg.solve(building.stiffness, building.mass @ building.influence)
+    except np.linalg.LinAlgError:
+        return
+    shares = (building.stiffness @ building.influence) * moved / building.total_mass
+    if abs(shares[coordinate]) < _STANDS:
+        yield _LOWEST.remark(
+            *(building.name, building.storey_names[0]),
+            coordinate=coordinate + 1,
+            percent=100.0 * shares[coordinate],
+        )
 
 
 _STOREY_STIFF: Final = RemarkKind(

@@ -82,8 +82,9 @@ class BuildingTable:
 
     published: str | None = optional("name of a published building, as uts")
     file: str | Building | None = optional(
-        "file of the building: .toml, .mat (M, C, K by name), a folder with M.csv, C.csv, K.csv, or a table of "
-        "storeys, .csv or .xlsx, with mass or weight, stiffness, and height or elevation of each",
+        "file of the building: .toml, .mat (M, C, K by name), a folder with M.csv, C.csv, K.csv, or tables of "
+        "storeys, .csv or .xlsx, with mass or weight, stiffness, and height or elevation of each; a sheet or, as in "
+        "stories.csv+mass.csv, a file for each quantity",
         file=True,
     )
     system: str | None = optional(
@@ -117,10 +118,11 @@ class BuildingTable:
         "periods below the step"
     )
     floors: _Rows | str | None = optional(
-        "rows from coordinates to floors; by default each is a floor", file=True
+        "rows from coordinates to floors; by default each is a floor, from the ground up as the stiffness has them",
+        file=True,
     )
     storeys: _Rows | str | None = optional("rows from coordinates to drifts of storeys", file=True)
-    floor_names: _Names | None = optional("names of floors in tables")
+    floor_names: _Names | None = optional("names of floors in tables, in the order of the matrices")
     storey_names: _Names | None = optional("names of storeys in tables")
     name: str | None = optional("name of the building")
     source: str | None = optional("origin of its numbers")
@@ -304,6 +306,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                 changes: dict[str, Any] = {
                     **arrays,
                     "source": source_with(built, f"{', '.join(arrays)} replaced"),
+                    "ordering": () if "floors" in arrays else built.ordering,
                 }
                 built = replace(built, **changes, status="ours" if built.knows_masses else built.status)
         built = _with_statements(built, table)
@@ -362,7 +365,8 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
         "heights": None if heights is None else np.append(heights, strokes),
         "loads": None if table.loads is None else np.append(table.loads, strokes),
     }
-    return replace(building, **{name: value for name, value in stated.items() if value is not None})
+    given = {name: value for name, value in stated.items() if value is not None}
+    return replace(building, **building.from_coordinates(given))
 
 
 def _shear(table: BuildingTable) -> Building:

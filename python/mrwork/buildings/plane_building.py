@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import groupby
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 import scipy
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
-from mrwork.base.remark import Remark
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.remark import Remark, RemarkKind
+from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Column, Table
 from mrwork.base.values import Floats, array_dataclass, freeze_samples
 from mrwork.buildings.building_checks import ARRAYS, check_form, check_motion, check_size
 from mrwork.buildings.building_remarks import MOST_QUESTIONED, asked_of
 from mrwork.buildings.modes import Modes, damping_remarks, modes_of, settle_shapes
-from mrwork.buildings.structure import Structure
+from mrwork.buildings.structure import BY_COORDINATE, Structure, floors_upward
 from mrwork.errors import SettingError, UnknownNameError
 
 # Modes that the summary shows, and floors that a notebook draws.
@@ -32,6 +32,11 @@ _DEFAULTS: Mapping[str, Callable[[Structure], Floats]] = {
     "storeys": lambda building: np.diff(building.floors, axis=0, prepend=0.0),
 }
 """Arrays of a building whose coordinates are displacements of its floors, one above the other."""
+_ORDERED: Final = RemarkKind(
+    "floors_ordered",
+    "{0}: by its stiffness coordinate {lowest} stands on the ground and coordinate {highest} is the top, so floors are "
+    "taken from the ground up: {1}",
+)
 
 
 def source_with(building: Building, change: str) -> str:
@@ -83,6 +88,9 @@ class Building(Structure, Plotted, Summarised):
         Names of storeys that are isolators, as those of height 0 are: strokes and no drifts, whatever carries them.
     condensed, condensing
         Numbers of the coordinates that `static_condensation` has condensed, and its remarks.
+    ordering
+        Remark that floors without rows were taken from the ground up, as the stiffness has them, in another order than
+        the coordinates. Names go with their coordinates then.
 
     Raises
     ------
@@ -95,15 +103,33 @@ class Building(Structure, Plotted, Summarised):
     def __post_init__(self) -> None:
         n = len(self.mass) if self.mass.ndim else 0
         check_size(n, self.name)
+        is_ordered = (
+            n and self.floors.shape == (0,) and (self.influence == 1.0).all() and self._order_floors()
+        )
         for name in (*ARRAYS, "heights", "loads"):
             given = getattr(self, name)
             is_default = n and given.shape == (0,) and name in _DEFAULTS
             object.__setattr__(self, name, freeze_samples(_DEFAULTS[name](self) if is_default else given))
+        if is_ordered:
+            for name, values in self.from_coordinates(named(self, *BY_COORDINATE)).items():
+                object.__setattr__(self, name, values)
         for noun, rows in (("floor", self.floors), ("storey", self.storeys)):
             if not getattr(self, f"{noun}_names"):
                 names = tuple(f"{noun} {number + 1}" for number in range(len(rows) if rows.ndim else 0))
                 object.__setattr__(self, f"{noun}_names", names)
         check_form(self)
+
+    def _order_floors(self) -> bool:
+        """Take coordinates for floors from the ground up; whether the stiffness has them in another order."""
+        order = floors_upward(self.mass, self.stiffness)
+        is_other = bool((np.diff(order) <= 0).any())
+        if is_other:
+            lowest, highest = int(order[0]) + 1, int(order[-1]) + 1
+            object.__setattr__(self, "floors", np.eye(len(order))[order])
+            upward = [f"coordinate {place + 1}" for place in order]
+            said = _ORDERED.remark(self.name, ", ".join(upward), lowest=lowest, highest=highest)
+            object.__setattr__(self, "ordering", (said,))
+        return is_other
 
     def check(self) -> Building:
         """The building itself, which keeps that it was checked.
@@ -182,10 +208,10 @@ class Building(Structure, Plotted, Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """Of condensed coordinates, `damping_remarks`, and questions on modes, coordinates, damping and strength."""
+        """Of ordered floors, condensed coordinates, damping, and questions on modes, coordinates and strength."""
         asks = len(self.mass) <= MOST_QUESTIONED and self.follows_ground
         asked = asked_of(self, self._modal()) if asks else ()
-        return (*self.condensing, *self.damping_remarks, *asked)
+        return (*self.ordering, *self.condensing, *self.damping_remarks, *asked)
 
     @property
     def poles(self) -> NDArray[np.complex128]:

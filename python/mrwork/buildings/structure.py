@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
-from typing import Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from mrwork.base.arguments import NotNegative, Whole
 from mrwork.base.remark import Remark
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.passive_element import PassiveElement
+from mrwork.errors import InvalidSettingError
 
 Status = Literal["verified", "published", "ours", "masses not known"]
 """Origin of the numbers of a building; the masses of a state space without M are not known."""
@@ -19,6 +21,29 @@ Status = Literal["verified", "published", "ours", "masses not known"]
 _DECIMALS, _CHAIN = 12, 1e-9
 # Share of the masses below which what follows the ground is rounding.
 _NOTHING = 1e-12
+# Displacements under one force that differ by rounding of matrices which are published with three digits.
+_DIGITS = 0.02
+# Floors whose rows a sentence writes out.
+_WRITTEN = 6
+
+
+BY_COORDINATE: Final = ("floor_names", "storey_names", "heights", "loads")
+"""What is listed by floor or storey beside matrices."""
+
+
+def floors_upward(mass: Floats, stiffness: Floats) -> NDArray[np.intp]:
+    """Coordinates of floors that stand on one another, from the ground up, shape (n,); empty where they do not.
+
+    Under its masses as forces a floor moves further than those below it, and under any one force no less.
+    """
+    try:
+        moved = np.linalg.solve(stiffness, mass.sum(axis=1))
+        order = np.argsort(moved, kind="stable")
+        flexible = np.linalg.inv(stiffness)[np.ix_(order, order)]
+    except np.linalg.LinAlgError:
+        return np.empty(0, dtype=np.intp)
+    stand = (flexible > 0.0).all() and (np.diff(flexible, axis=0) >= -_DIGITS * flexible[:-1]).all()
+    return order if stand else np.empty(0, dtype=np.intp)
 
 
 @array_dataclass(repr=False)
@@ -44,6 +69,7 @@ class Structure:
     isolators: tuple[str, ...] = ()
     condensed: tuple[Whole, ...] = ()
     condensing: tuple[Remark, ...] = ()
+    ordering: tuple[Remark, ...] = ()
     _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
 
     @property
@@ -56,6 +82,30 @@ class Structure:
         """Index of each coordinate among those before some were condensed, shape (n,)."""
         whole = np.arange(self.n_coordinates + len(self.condensed))
         return np.delete(whole, np.array(self.condensed, dtype=np.intp) - 1)
+
+    def from_coordinates(self, stated: Mapping[str, Any]) -> dict[str, Any]:
+        """Statements beside the matrices of a building whose floors were ordered: names follow their coordinates.
+
+        Numbers that are not the same from the ground and in the order of the coordinates are refused.
+        """
+        order, result = self.floors.argmax(axis=1), dict(stated)
+        own_rows = not np.array_equal(self.storeys, np.diff(self.floors, axis=0, prepend=0.0))
+        for name in BY_COORDINATE if self.ordering else ():
+            values = result.get(name)
+            if values is None or len(values) != len(order) or (own_rows and name != "floor_names"):
+                continue
+            upward = [values[place] for place in order]
+            if name.endswith("names"):
+                result[name] = tuple(upward)
+            elif upward != [*values]:
+                rows = [[int(entry) for entry in row] for row in self.floors]
+                raise InvalidSettingError(
+                    name,
+                    f"{name} may begin at coordinate 1 or at coordinate {order[0] + 1}, which stands on the ground; "
+                    + (f"give floors = {rows}" if len(rows) <= _WRITTEN else "sort the matrices by floors")
+                    + f", lowest first, and {name} and names likewise",
+                )
+        return result
 
     @property
     def chain(self) -> Floats:

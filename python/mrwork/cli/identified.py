@@ -236,7 +236,8 @@ class Identification(Frame):
         return status
 
     def _show(self, results: Sequence[Summarised], document: Mapping[str, object]) -> None:
-        remarks = remarks_for("identify", self.tests)
+        said = {remark.code for result in results if isinstance(result, Fit) for remark in result.remarks}
+        remarks = [each for each in remarks_for("identify", self.tests) if each.code not in said]
         more = {"test_remarks": [asdict(remark) for remark in remarks], "out": str(self.folder)}
         below = ["", *(f"  {remark.in_words}" for remark in remarks)] if remarks else []
         show_results(self.options, *results, document={**document, **more}, below=below)

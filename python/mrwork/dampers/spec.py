@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from math import ceil, inf, log10
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -387,9 +387,43 @@ _SPENCER = "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238"
 _FORCE, _STROKE = 3000.0, 0.025
 
 
+# Dampers of buildings between the prototypes of 3 kN and the one of 1000 kN [N].
+_BETWEEN: Final = (100e3, 200e3, 400e3)
+
+
+def _of_similar(preset: Preset, rated_force: float) -> Preset:
+    """A published set of another force: gap, stroke, fluid and field stay, widths and with them all forces change.
+
+    Stresses are those of the same speeds, so that what is in N, N s/m or N/m is in the ratio of the forces.
+    """
+    assert preset.rated_force is not None
+    share = rated_force / preset.rated_force
+    units = {parameter.name: parameter.unit for parameter in damper(preset.model).parameters}
+    values = {
+        name: tuple(share * np.atleast_1d(value)) if units[name].startswith("N") else value
+        for name, value in preset.values.items()
+    }
+    return replace(
+        preset,
+        name=f"{preset.name}_{1e-3 * rated_force:.0f}kN",
+        values=values,
+        rated_force=rated_force,
+        status="published",
+        source=f"scaled by similarity from {preset.source}",
+        note=f"no damper that was built: forces of {preset.name}, {1e-3 * preset.rated_force:.0f} kN, times {share:g}, "
+        "as of one with narrower poles and the same gap, stroke, fluid and field",
+    )
+
+
 @cache
 def published_sets() -> tuple[Preset, ...]:
-    """Every published parameter set of every model, in SI units."""
+    """Every published parameter set of every model, in SI units, and some of other forces by similarity."""
+    sets = _as_published()
+    large = next(preset for preset in sets if preset.name == "yoshida2004")
+    return (*sets, *(_of_similar(large, force) for force in _BETWEEN))
+
+
+def _as_published() -> tuple[Preset, ...]:
     return (
         Preset(name="spencer1997", model="bingham", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
             values={"f_c": 670.0, "v_s": 1e-3, "c0": 5000.0, "f0": -95.0},

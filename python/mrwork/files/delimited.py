@@ -127,6 +127,12 @@ class DelimitedTable(ColumnTable):
         column = self.names.index(name)
         return [[*self._split(row), *[""] * column][column] for row in self._data]
 
+    def instant(self, name: str) -> float:
+        """The first time of a column of times of the day [s], since midnight, or the year 1 if it has a date."""
+        return next(
+            (1e-9 * time for text in self.texts(name) if (time := _nanoseconds(text)) is not None), 0.0
+        )
+
     def size_of(self, name: str) -> int:
         """Number of rows, of every column."""
         return len(self._data)

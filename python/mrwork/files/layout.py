@@ -11,6 +11,7 @@ import csv
 import re
 from array import array
 from bisect import bisect_left, bisect_right
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -97,10 +98,21 @@ def _without_rows(lines: Sequence[str], filled: Sequence[int]) -> Layout:
     if first < len(filled) and all(is_number(without_remark(lines[index])) for index in filled[first:]):
         names = (lines[filled[first - 1]].strip(),) if first else numbered_names(1)
         return Layout(delimiter="\t", names=names, units=(), data=filled[first:])
-    # Without a row of numbers the first line is the header.
-    delimiter = delimiter_of(lines[filled[0]])
-    fields = without_empty_end(split(lines[filled[0]], delimiter))
-    return Layout(delimiter=delimiter, names=tuple(map(str.strip, fields)), units=(), data=filled[1:])
+    # Without a row of numbers the first line with as many fields as most, or more, is the header, perhaps above units.
+    delimiter = delimiter_of(lines[filled[-1]])
+    rows = [without_empty_end(split(lines[index], delimiter)) for index in filled[:_ENOUGH_LINES]]
+    widths = [sum(map(bool, map(str.strip, row))) for row in rows]
+    usual = Counter(widths).most_common(1)[0][0]
+    begin = next(n for n, width in enumerate(widths) if width >= usual)
+    below = rows[begin + 1] if begin + 2 < len(rows) else []
+    units = tuple(text.strip(_BRACKETS) for text in below)
+    has_units = any(map(quantity_of, units)) and not any(map(is_number, units))
+    return Layout(
+        delimiter=delimiter,
+        names=tuple(map(str.strip, rows[begin])),
+        units=units if has_units else (),
+        data=filled[begin + 1 + has_units :],
+    )
 
 
 def is_data(line: str) -> bool:

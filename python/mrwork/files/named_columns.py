@@ -264,6 +264,20 @@ def find_column(column: str, names: Sequence[str], source: str) -> str:
     raise RecordError(f"{source}: there is no column '{column}'{columns}")
 
 
+def words_and_bracket(name: str) -> tuple[str, str]:
+    """The words of a column's name, and what stands in brackets or behind the last separator, whether a unit or not."""
+    match = _BRACKETED.fullmatch(plain_name(name))
+    if match is not None:
+        return match[1], match[2]
+    words, _, last = plain_name(name).rpartition("_")
+    return (words, last) if words else (last, "")
+
+
+def is_set_point(name: str) -> bool:
+    """Whether a word of a name says that it is no sample of a measured signal, as a set point or a mean."""
+    return bool(_words(words_and_bracket(name)[0]) & _NOT_MEASURED)
+
+
 def words_and_unit(name: str) -> tuple[str, str]:
     """The words of a column's name, and the unit in brackets or at its end; empty where there is none."""
     name = plain_name(name)
@@ -418,7 +432,8 @@ class ColumnTable(ABC):
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
     parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
     record of their own. `encoding` names the encoding of a text which is not UTF-8. `arrays` are columns by
-    the matrix that has them, `headings` are the names as a text has them, where several are equal.
+    the matrix that has them, `headings` are the names as a text has them, where several are equal. `joined` says how
+    several files are one table, and `is_sure` whether their times are known to be of one clock.
     """
 
     names: tuple[str, ...]
@@ -430,6 +445,8 @@ class ColumnTable(ABC):
     encoding: str = ""
     arrays: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     headings: tuple[str, ...] = ()
+    joined: str = ""
+    is_sure: bool = True
 
     def without_markers(self) -> tuple[ColumnTable, Sequence[str]]:
         """The table without lines of a text that stand among its rows and are none, and these with their numbers."""
@@ -452,6 +469,10 @@ class ColumnTable(ABC):
     def texts(self, name: str) -> list[str]:
         """A column as texts."""
         return [f"{value:g}" for value in self.read([name])[name]]
+
+    def instant(self, name: str) -> float:
+        """The first time of a column of `stamps` [s], since midnight or the year 1."""
+        raise NotImplementedError(name)
 
     @abstractmethod
     def size_of(self, name: str) -> int:

@@ -19,6 +19,7 @@ import numpy as np
 
 from mrwork.errors import MrworkWarning, RecordError
 from mrwork.files.delimited import DelimitedTable, open_delimited
+from mrwork.files.joined import open_joined, parts_of
 from mrwork.files.matlab import open_matlab
 from mrwork.files.named_columns import ColumnTable, VectorTable, unit_in_name, unused_parts
 from mrwork.store.input_file import RECORD, bytes_of, check_file, exists
@@ -31,6 +32,19 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     A sheet is read as a text table is, so that header blocks, rows of units and times of the day are found. Formulas
     have the values that were saved with them.
     """
+    sheets, tables = _sheets(path)
+    records = [name for name, table in tables.items() if is_record(table)]
+    chosen = next(iter(records), max(tables, key=lambda name: len(sheets[name])))
+    table = tables[chosen]
+    table.further = tuple(name for name in records if name != chosen)
+    unused = [f"'{name}'" for name in sheets if name != chosen and name not in table.further]
+    if unused:
+        table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
+    return table
+
+
+def _sheets(path: Path) -> tuple[dict[str, list[str]], dict[str, ColumnTable]]:
+    """The lines of each sheet of a workbook that has any, and the tables of those that are one."""
     if importlib.util.find_spec("python_calamine") is None:
         raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
     data = bytes_of(path, RECORD)
@@ -43,14 +57,15 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     if not tables:
         listed = ", ".join(f"'{name}'" for name in sheets) or "it has none with cells"
         raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
-    records = [name for name, table in tables.items() if is_record(table)]
-    chosen = next(iter(records), max(tables, key=lambda name: len(sheets[name])))
-    table = tables[chosen]
-    table.further = tuple(name for name in records if name != chosen)
-    unused = [f"'{name}'" for name in sheets if name != chosen and name not in table.further]
-    if unused:
-        table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
-    return table
+    return sheets, tables
+
+
+def open_sheets(path: Path) -> list[ColumnTable]:
+    """Every table of a workbook, or the one of another file."""
+    if path.suffix.lower() != ".xlsx":
+        return [open_table(path, lambda _: True)]
+    check_file(path, RECORD)
+    return [*_sheets(path)[1].values()]
 
 
 _UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
@@ -136,7 +151,9 @@ _OPENERS: Final[Mapping[str, Callable[[Path], ColumnTable]]] = {
 
 
 def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
-    """Open a .mat, .tdms, .xlsx or text file as columns; of several sheets, the first that `is_record`."""
+    """Open a .mat, .tdms, .xlsx or text file as columns, or several joined; of sheets, the first that `is_record`."""
+    if len(parts := parts_of(path)) > 1:
+        return open_joined(parts, lambda part: open_table(part, is_record))
     extension = path.suffix.lower()
     check_file(path, RECORD)
     if extension == ".xlsx":
@@ -160,13 +177,19 @@ def split_part(path: str | os.PathLike[str]) -> tuple[str, int]:
     return (text, 0) if match is None else (match[1], int(match[2]))
 
 
+def is_there(path: str | os.PathLike[str]) -> bool:
+    """Whether the file of a path, of a part of it, or each of joined ones exists."""
+    name, _ = split_part(path)
+    return exists(name) or len(parts_of(name)) > 1
+
+
 def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:
     """Return the files of a sequence of paths in its order, or of a glob pattern in name order."""
     if isinstance(paths, str | os.PathLike):
         pattern = os.fspath(paths)
         # An existing file whose name contains brackets is not a pattern.
         paths_of_pattern = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
-        files = [pattern] if exists(split_part(pattern)[0]) else sorted(paths_of_pattern)
+        files = [pattern] if is_there(pattern) else sorted(paths_of_pattern)
         if not files:
             raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
         return files

@@ -16,6 +16,7 @@ from math import erf, sqrt
 
 import numpy as np
 
+from mrwork.base.numbers import times
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
@@ -164,9 +165,11 @@ _HELD = 0.91
 _QUANTILE = 1.96
 # Standard errors of the mean square of the draws so far by which it may be too small, when no more are drawn.
 _SURELY = 2.0
+# Share of a parameter below which its error is of arithmetic.
+_ARITHMETIC = 1e-6
 _MOTION_NOISE = RemarkKind(
     "motion_noise",
-    "noise of the motion dominates: it moves {0} by about {value:.2g} times the error that the residuals of the force "
+    "noise of the motion dominates: it moves {0} by about {times} the error that the residuals of the force "
     "give it, so that 95 % intervals hold about {coverage:.0f} % of the parameters",
     "{remedy}measure the motion with less noise",
 )
@@ -185,7 +188,8 @@ def motion_noise(covariance: Covariance, names: Sequence[str]) -> Iterator[Remar
     """
     slopes, standard_errors = covariance.slopes, covariance.standard_errors
     objective, form, theta, interior = slopes.objective, slopes.form, slopes.theta, slopes.interior
-    finite = np.isfinite(standard_errors) & (standard_errors > 0.0)
+    # Errors of arithmetic, as of a record without noise, are no intervals.
+    finite = np.isfinite(standard_errors) & (standard_errors > _ARITHMETIC * np.abs(form.to_model(theta)))
     if not finite.any() or not interior:
         return
     inverse = np.linalg.pinv(slopes.by_interior().T)
@@ -221,6 +225,7 @@ def motion_noise(covariance: Covariance, names: Sequence[str]) -> Iterator[Remar
     yield _MOTION_NOISE.remark(
         str(np.array(names)[finite][worst]),
         measured=Measured(float(shares[worst]), ""),
+        times=times(float(shares[worst])),
         coverage=100.0 * coverage,
         remedy="derive the velocity from the displacement by --repair velocity, or " if measured else "",
     )

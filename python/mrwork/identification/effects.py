@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.hints import SMALLEST
-from mrwork.base.numbers import of_unit, significant
+from mrwork.base.numbers import of_unit, significant, times
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.commands import excerpts_at
@@ -40,6 +40,7 @@ from mrwork.identification.objective import (
 from mrwork.identification.problem import Problem, pooled_commands, with_free
 from mrwork.identification.sliders import COARSE, RIDGE, SliderFit, Sliders
 from mrwork.identification.suspicious import force_noise
+from mrwork.identification.verdicts import NEGLIGIBLE
 from mrwork.records import DamperTest
 from mrwork.records.motion import spectrum
 from mrwork.records.observation import EFFECTS, Effect
@@ -83,21 +84,21 @@ _ABOUT = 0.05
 _IT: Final = {1: "it", 2: "both"}
 _UNKNOWN_DELAY: Final = RemarkKind(
     "delay_unknown",
-    "a delay of the force of {ms:.2g} ms that is not known would move {0} by about {moved}, {errors:.0f} times "
+    "a delay of the force of {ms:.2g} ms that is not known would move {0} by about {moved}, {errors} "
     "its standard error, and these tests do not tell it",
     "measure it and give it by --observe delay=SECONDS, or test at several frequencies",
 )
 _UNKNOWN_MASS: Final = RemarkKind(
     "mass_unknown",
     "a mass of {value:.2g} kg between damper and load cell that is not known would move {0} by about {moved}, "
-    "{errors:.0f} times its standard error, and these tests do not tell it",
+    "{errors} its standard error, and these tests do not tell it",
     "weigh what moves there and give it by --observe mass=KG, or test at higher frequencies",
 )
 # A note: most dampers are tested at a frequency at a time, and nothing says that a mass moves.
 _MASS_AS_STIFFNESS: Final = RemarkKind(
     "mass_as_stiffness",
     "tests at one frequency do not tell a mass between damper and load cell from the stiffness: one of {value:.2g} kg "
-    "would move {0} by about {moved}, {errors:.0f} times its error, so weigh what moves there and "
+    "would move {0} by about {moved}, {errors} its error, so weigh what moves there and "
     "give it by --observe mass=KG, or add a test at another frequency",
 )
 # Where a fit is linear, a mass of zero is on no bound.
@@ -641,10 +642,16 @@ def _unknown(
     change[list(form.box.free)] = size * follow[0, :-1]
     value = np.asarray(form.to_model(theta))
     shift = form.to_model.jacobian(theta) @ change
+    # Of a stiffness that is zero to rounding every mass is many times the value, and changes no force.
+    of_motion = [test.displacement if effect is _MASS else test.velocity for test in tests]
+    per_force = max(
+        np.std(motion) / np.std(test.force) for motion, test in zip(of_motion, tests, strict=True)
+    )
     far = [
         index
         for index in _absorbing(problem, (effect,))
-        if abs(shift[index]) > max(_FAR * errors[index], _LARGE * abs(value[index]))
+        if abs(shift[index]) * per_force > NEGLIGIBLE
+        and abs(shift[index]) > max(_FAR * errors[index], _LARGE * abs(value[index]))
         and errors[index] > 0.0 < abs(value[index])
     ]
     if far:
@@ -652,5 +659,6 @@ def _unknown(
         by, parameter = abs(shift[worst]), problem.spec.parameters[worst]
         share = by / abs(value[worst])
         moved = f"{100.0 * share:.0f} %" if share < _MOST_SHARE else of_unit(by, parameter.unit, 3)
-        measured, times = Measured(float(size), effect.unit), by / errors[worst]
-        yield kind.remark(parameter.name, measured=measured, ms=1e3 * size, moved=moved, errors=times)
+        measured = Measured(float(size), effect.unit)
+        errors_off = times(by / errors[worst])
+        yield kind.remark(parameter.name, measured=measured, ms=1e3 * size, moved=moved, errors=errors_off)

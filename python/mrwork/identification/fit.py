@@ -49,8 +49,9 @@ class FittedParameter:
     """One parameter of a fit, in SI: value, uncertainty, bounds, and what the data say of it.
 
     `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
-    residuals are correlated. It is `None` where the parameter is not identifiable by the derivatives, was fixed, or is
-    on a bound (`state`). The `verdict` is by the `interval`, if there is one, else by the standard error.
+    residuals are correlated. It is `None` where the derivatives do not determine the parameter, or to no better than a
+    hundred times its value, where it was fixed, or is on a bound (`state`). The `verdict` is by the `interval`, if
+    there is one, else by the standard error.
     `tie` is the expression that the parameter is tied to, empty where it is not.
     """
 
@@ -181,7 +182,8 @@ class FitQuality(Summarised):
     """Error of a free-run simulation on one measured test, over the `n_time` samples that count.
 
     The first `settle_seconds` are simulated but not compared, see `DamperTest`. The `observation` model and the
-    effects `estimated` for this test were applied to the simulated force before the comparison.
+    effects `estimated` for this test were applied to the simulated force before the comparison. Of a `constant` force,
+    as of a stroke at one speed, a fit in per cent of its deviation says nothing.
     """
 
     _made_by: ClassVar[str] = "fit.quality"
@@ -199,6 +201,12 @@ class FitQuality(Summarised):
     substeps: Count
     observation: Observation = AS_IT_IS
     estimated: Observation = AS_IT_IS
+    constant: bool = False
+
+    @property
+    def fit_in_words(self) -> str:
+        """The fit in per cent; of a force that hardly varies it says nothing."""
+        return "-" if self.constant else f"{self.fit_percent:.2f}"
 
     @property
     def recorded_in_words(self) -> str:
@@ -517,6 +525,16 @@ class Fit(Plotted, WithAxes, Summarised):
         return replace(self, estimates=tuple(estimates))
 
     @property
+    def has_constant(self) -> bool:
+        """Whether a test has a force that hardly varies, so that a share of its deviation says nothing."""
+        return any(quality.constant for quality in self.quality)
+
+    @property
+    def fit_in_words(self) -> str:
+        """The fit to all tests, such as "93.97 %", or the error in newtons where a share says nothing."""
+        return f"{self.rmse_n:.4g} N rms" if self.has_constant else f"{self.fit_percent:.2f} %"
+
+    @property
     def times_noise(self) -> float | None:
         """The residual over the noise of the force, where it is structure and not noise; else `None`."""
         times = self.rmse_n / self.force_noise_n if self.force_noise_n else 0.0
@@ -643,13 +661,15 @@ class Fit(Plotted, WithAxes, Summarised):
 
     def _summary(self) -> Summary:
         on_tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
+        of_deviation = f", {100.0 * self.nrmse:.3g} % of the force's deviation"
+        share = "; the force of a test is constant" if self.has_constant else of_deviation
         tables = [Table.of(self._columns, self.fitted)]
         tables += [Table.of(_QUALITY, self.quality)] if len(self.quality) > 1 else []
         return Summary(
-            title=f"Fit of {self.model}{on_tests}: {self.fit_percent:.2f} %, {self.status_in_words}",
+            title=f"Fit of {self.model}{on_tests}: {self.fit_in_words}, {self.status_in_words}",
             facts=(
                 ("tests", list_names([quality.test for quality in self.quality])),
-                ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
+                ("error", f"{self.rmse_n:.4g} N rms{share}"),
                 ("tested", self.tested.in_words),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
                 ("ended", self.trace.ended),
@@ -680,7 +700,8 @@ def beside_likelihood(fit: Fit, errors: Mapping[str, float]) -> Iterator[Remark]
 # What the tests of a fit have in tables and in arrays.
 _QUALITY = (
     Column("test", "test"),
-    Column("fit_percent", "fit", "%", "fit", shown=lambda value: f"{value:.2f}"),
+    Column("fit_percent", unit="%", words="fit"),
+    Column("", "fit", "%", of=attrgetter("fit_in_words")),
     Column("nrmse", unit="1", words="error over the standard deviation of the force"),
     Column("rmse_n", "RMSE", "N", "root mean square error"),
     Column("residual_autocorrelation", unit="1", words="autocorrelation of the residual"),

@@ -36,9 +36,16 @@ from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.records import DamperTest, observed
 from mrwork.records.observation import Effect
+from mrwork.records.read import ROTARY
 from mrwork.search import Optimiser
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
+
+
+def are_rotary(tests: Iterable[DamperTest]) -> bool:
+    """Whether one of several tests is of angle and torque."""
+    return any(remark.code == ROTARY.code for test in tests for remark in test.remarks)
+
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
@@ -92,6 +99,8 @@ class Problem:
             bounds=bounds_without_offsets(settings.observing, spec) | dict(settings.bounds),
         )
         refuse_indistinct(settings.observing, tests)
+        if are_rotary(tests) and not all(are_rotary((test,)) for test in tests):
+            raise SettingError("some tests are of angle and torque and others of a stroke; fit them apart")
         form = identifiable_form(spec, settings.bounds)
         _check_starts(spec, form, settings.starts)
         form = tied_form(form, spec, settings)

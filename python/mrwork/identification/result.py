@@ -10,6 +10,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrwork.base.numbers import times
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
@@ -21,14 +22,16 @@ from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
 from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
 from mrwork.identification.objective import Objective
-from mrwork.identification.problem import Problem, provenance_of
+from mrwork.identification.problem import Problem, are_rotary, provenance_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.suspicious import force_noise
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
+from mrwork.records.checks import ONE_WAY
 from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.records.likeness import RecordedMotion
 from mrwork.records.observation import AS_IT_IS, Effect, Observation
+from mrwork.records.read import ROTARY
 
 
 def free_run(
@@ -60,6 +63,10 @@ def explain_failures(fit: Fit, test: DamperTest) -> Iterator[None]:
         ) from error
 
 
+# Deviation of a force of one way, as a share of its mean, below which it is constant: less than friction has of noise.
+_CONSTANT = 0.2
+
+
 def fit_quality(
     test: DamperTest, force: Floats, *, substeps: int, estimated: Observation = AS_IT_IS
 ) -> FitQuality:
@@ -80,7 +87,8 @@ def fit_quality(
     centred = residual - residual.mean()
     power = float(centred @ centred)
     rmse = rms(residual)
-    nrmse = rmse / float(np.std(test.force[counted]))
+    deviates = float(np.std(test.force[counted]))
+    nrmse = rmse / deviates
     return FitQuality(
         test=test.name,
         fit_percent=100.0 * (1.0 - nrmse),
@@ -93,6 +101,8 @@ def fit_quality(
         substeps=substeps,
         observation=test.observation,
         estimated=estimated,
+        constant=deviates < _CONSTANT * abs(float(test.force[counted].mean()))
+        and any(remark.code == ONE_WAY.code for remark in test.remarks),
     )
 
 
@@ -190,7 +200,7 @@ def _half_step_change(
 _NEAR = 1.25
 _STRUCTURE = RemarkKind(
     "residual_is_structure",
-    "the residual, {rmse:.3g} N rms, is {value:.2g} times the noise of the force: errors of parameters are of a model "
+    "the residual, {rmse:.3g} N rms, is {times} the noise of the force: errors of parameters are of a model "
     "that leaves structure, not of the damper, and tests of other motions may move a parameter by more",
 )
 _COARSE_STEP = RemarkKind("step_coarse", "{change}", warns=True)
@@ -199,8 +209,11 @@ _COARSE_STEP = RemarkKind("step_coarse", "{change}", warns=True)
 def _remarks_on(fit: Fit) -> Iterator[Remark]:
     """Structure in the residual, a coarse step, and laws that fail in or near the tested commands or between them."""
     spec, theta, tested, change = fit.spec, np.array(fit.theta), fit.tested, fit.half_step_percent
+    if are_rotary(fit.tests):
+        yield ROTARY.remark()
     if fit.times_noise is not None:
-        yield _STRUCTURE.remark(measured=Measured(fit.times_noise, ""), rmse=fit.rmse_n)
+        measured = Measured(fit.times_noise, "")
+        yield _STRUCTURE.remark(measured=measured, rmse=fit.rmse_n, times=times(fit.times_noise))
     if change is not None and change > _MOST_CHANGE:
         yield _COARSE_STEP.remark(measured=Measured(change, "%"), change=step_in_words(change))
     if tested.command is None:

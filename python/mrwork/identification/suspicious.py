@@ -122,7 +122,8 @@ def _linear_fit(tests: Sequence[DamperTest]) -> _LinearFit:
     variances = (
         np.diag(np.linalg.pinv(columns.T @ columns)) * sum(squares) / max(len(columns) - scale.size, 1)
     )
-    return _LinearFit(solution / scale, np.sqrt(variances) / scale, squares)
+    # Of one speed, dashpot and offset are one column, and a variance may round to below zero.
+    return _LinearFit(solution / scale, np.sqrt(variances.clip(min=0.0)) / scale, squares)
 
 
 # Degrees between tests; a fluid loses a few tenths of a per cent of its force in each.

@@ -32,6 +32,8 @@ from mrwork.records.repairs import seconds_of_pulses
 WEAK = 0.25
 # A parameter that changes the force by no more than this share of its standard deviation is negligible.
 NEGLIGIBLE = 0.01
+# An error of so many times the size of a relevant change is beyond what derivatives at a minimum tell, and not given.
+_BEYOND = 100.0
 # A value smaller than this share of the nominal one counts as zero.
 _AS_ZERO = 0.01
 # Standard deviations that the 95 % interval of a normal density reaches to either side.
@@ -160,6 +162,8 @@ def _judge(
 
 
 def _times(share: float, whole: str) -> str:
+    if share > _BEYOND:
+        return f"more than {_BEYOND:g} times {whole}"
     return f"{100.0 * share:.2g} % of {whole}" if share < 1.0 else f"{share:.3g} times {whole}"
 
 
@@ -391,7 +395,8 @@ def _judged(
             other = scales[partner].name
             because = f"mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
             verdict = Verdict(verdict.word, f"{verdict.reason}; {because}")
-    return replace(parameter, verdict=verdict, standard_error=error * scale.size)
+    told = error * scale.size if error <= _BEYOND else None
+    return replace(parameter, verdict=verdict, standard_error=told)
 
 
 def fitted_parameters(

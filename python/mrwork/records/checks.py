@@ -17,6 +17,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import sample_runs
 from mrwork.errors import RecordError
+from mrwork.files.grid import last_digit
 from mrwork.records.damper_test import Channel, DamperTest, Smoothing
 from mrwork.records.motion import Differentiator, SmoothMotion, reversals, spectrum
 
@@ -313,6 +314,8 @@ _FEWEST_RUNS: Final = 2
 # A parabola with slope s per sample at the cut would have risen by s n / 4 over the n samples cut. Rounding alone
 # gives less than one step of the resolution.
 _OVERSHOOT_STEPS: Final = 4.0
+# Share of a range in which levels next to its extreme tell its resolution.
+_TOP: Final = 0.1
 # Rounding to this share of half the range is an error of 0.7 % of it, rms, and makes plateaus as clipping does.
 _COARSE: Final = 0.025
 _FEWEST_LEVELS: Final = 5
@@ -404,13 +407,18 @@ def clipped_samples(samples: Floats) -> NDArray[np.bool_]:
     levels = np.unique(samples)
     if levels.size < 2 * _SHORTEST_RUN or coarse_step(samples) is not None:
         return clipped
-    resolution = float(np.diff(levels).min())
     sides = samples, -samples
-    peaks = [_clipped_peaks(side, resolution) for side in sides]
+    peaks = [_clipped_peaks(side, _resolution_at_top(np.unique(side))) for side in sides]
     if max(peaks) >= _FEWEST_RUNS:
         for side, count in zip(sides, peaks, strict=True):
             clipped |= (side == side.max()) & (count > 0)
     return clipped
+
+
+def _resolution_at_top(levels: Floats) -> float:
+    """Step of the levels at the highest: texts with a number of significant digits have finer ones near zero."""
+    near = levels[levels > levels[-1] - _TOP * (levels[-1] - levels[0])]
+    return max(float(np.diff(levels).min()), float(np.median(last_digit(near))))
 
 
 def _clipped_peaks(samples: Floats, resolution: float) -> int:
@@ -505,6 +513,10 @@ _LARGE: Final = (f"more than the {1e-3 * _LARGEST_FORCE:.0f} kN of the largest d
 _SMALL: Final = ("less than the seal of a damper takes", "kN taken for N")
 
 
+OF_STROKES: Final = frozenset({_STROKE.code, _FORCE.code})
+"""Codes of remarks on sizes of strokes and forces, which angles and torques do not have."""
+
+
 def force_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of a force that is larger than any damper's, or smaller than the friction of a seal."""
     force = float(np.abs(test.force).max())
@@ -513,7 +525,7 @@ def force_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
         yield _FORCE.remark(*words, measured=Measured(force, "N"), force=in_newtons(force, 3))
 
 
-_PACE: Final = RemarkKind(
+PACE: Final = RemarkKind(
     "time_unusual",
     "the motion has {value:.2g} Hz and {speed:.2g} mm/s in steps of {dt:.3g} s, {0} than a damper is tested",
     "check the units of the time (are {1}?) and of the displacement",
@@ -529,7 +541,7 @@ def pace_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     if not slow and not fast:
         return
     words = ("slower", "ms taken for s") if slow else ("faster", "s taken for ms")
-    yield _PACE.remark(*words, measured=Measured(motion.frequency, "Hz"), speed=1e3 * speed, dt=test.dt)
+    yield PACE.remark(*words, measured=Measured(motion.frequency, "Hz"), speed=1e3 * speed, dt=test.dt)
 
 
 _LARGE_COMMAND: Final = RemarkKind(

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final, Literal
 
+import numpy as np
+
 from mrwork.base.keys import suggestion
 from mrwork.base.summary import list_names
 from mrwork.base.units import (
@@ -15,8 +17,10 @@ from mrwork.base.units import (
     OTHER_COMMAND_UNITS,
     CommandUnit,
     factor_of,
+    factor_of_product,
     factor_to_si,
     quantity_of,
+    rotary_factor,
     spelt_command_unit,
 )
 from mrwork.base.values import Floats
@@ -35,10 +39,12 @@ from mrwork.files.named_columns import (
     find_column,
     is_plain,
     is_second_choice,
+    is_set_point,
     may_be_a_command,
     scalar_unit_in_name,
     suggested_options,
     unit_in_name,
+    words_and_bracket,
     words_and_unit,
 )
 
@@ -57,11 +63,21 @@ COMMANDS: Final[tuple[Literal["current"], Literal["voltage"]]] = ("current", "vo
 _MOST_SHOWN: Final = 20
 # In the names of columns, and in no unit.
 _OF_A_NAME: Final = re.compile(r"[\s()\[\]{}]")
-# What one of the column's numbers stands for, after their own unit: V*200N, counts*0.1N-5N.
+# What one of the column's numbers stands for, after their own unit: V*200N, counts*0.1N-5N; or that unit times or over
+# another: bar*12.5cm2, deg*0.05m, Nm/0.05m.
+_NUMBER: Final = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _SCALE: Final = re.compile(
-    r"[^*]*\*(?P<scale>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>[^\W\d][^+*-]*)"
-    r"(?:(?P<offset>[+-](?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<of_offset>[^\W\d][^+*-]*))?"
+    rf"(?P<own>[^*]*?)(?P<by>[*/])(?P<scale>[+-]?{_NUMBER})(?P<unit>[^\W\d][^+*-]*)"
+    rf"(?:(?P<offset>[+-]{_NUMBER})(?P<of_offset>[^\W\d][^+*-]*))?"
 )
+# Forces of a table of peak velocities, in either direction.
+_OF_DYNAMOMETER: Final = re.compile(
+    r"compression|rebound|\bbump\b|jounce|druckstufe|zugstufe|compresi[oó]n|rebote|détente", re.IGNORECASE
+)
+# A scale without its unit.
+_NO_UNIT: Final = re.compile(rf":[^:*]*\*({_NUMBER})\s*(?:[-+]|$)")
+# The force of two pressures: P1:bar*12.5cm2-P2:bar*8cm2.
+_DIFFERENCE: Final = re.compile(rf"(?P<first>.+:[^:]*\*{_NUMBER}[^\W\d_]+\d?)\s*-\s*(?P<second>.+:[^:]+)")
 _STARTS_AS_NUMBER: Final = re.compile(r"[+-]?[.,]?\d|[+-]?(nan|inf)\b", re.IGNORECASE)
 _NUMBER_AND_UNIT: Final = re.compile(
     r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+|%|deg [CF]|\N{DEGREE SIGN}[CF]?)",
@@ -71,21 +87,35 @@ _NUMBER_AND_UNIT: Final = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnChoice:
-    """Column of a quantity, its unit, with a scale where one is stated, and factor and offset from that to SI."""
+    """Column of a quantity, its unit, with a scale where one is stated, and factor and offset from that to SI.
+
+    `less` is what is subtracted, as of the pressure on the other side of a piston. A `rotary` one is an angle, its rate
+    or a torque, with its factor to rad, rad/s or N m.
+    """
 
     column: str
     unit: str
     factor: float
     offset: float = 0.0
+    less: ColumnChoice | None = None
+    rotary: bool = False
 
-    def in_si(self, numbers: Floats) -> Floats:
-        """Numbers of the column in SI."""
-        return self.factor * numbers + self.offset if self.offset else self.factor * numbers
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns that are read."""
+        return (self.column, *(() if self.less is None else self.less.columns))
+
+    def in_si(self, numbers: Mapping[str, Floats]) -> Floats:
+        """The quantity in SI, by the numbers of columns."""
+        own = self.factor * numbers[self.column]
+        own = own + self.offset if self.offset else own
+        return own if self.less is None else np.asarray(own - self.less.in_si(numbers))
 
     @property
     def specification(self) -> str:
         """The choice as an entry of a mapping of columns."""
-        return f"{self.column}:{self.unit}"
+        less = "" if self.less is None else f"-{self.less.specification}"
+        return f"{self.column}:{self.unit}{less}"
 
 
 def parse_column_option(option: str) -> tuple[str, str]:
@@ -118,7 +148,9 @@ def check_specification(name: str, specification: str) -> None:
     elif name == COMMAND:
         StatedCommand.of(specification)
     else:
-        _parse_specification(_quantity(name), specification)
+        two = _DIFFERENCE.fullmatch(specification.strip())
+        for text in (specification,) if two is None else two.group("first", "second"):
+            _parse_specification(_quantity(name), text)
 
 
 def stated_step(specification: str) -> float | None:
@@ -215,7 +247,8 @@ class _UnclearError(Restorable, Exception):
 class Headings:
     """Names of the columns of a file, the `units` that stand apart from them, and the `stamps` of times of the day.
 
-    `read` reads a column, for the unit that a message suggests; those that are `taken` are not recognised again.
+    `read` reads a column, for the unit that a message suggests; those that are `taken` are not recognised again. The
+    displacement of a `rotary` damper is an angle.
     """
 
     names: Sequence[str]
@@ -224,6 +257,7 @@ class Headings:
     source: str
     read: ReadColumn
     taken: frozenset[str] = frozenset()
+    rotary: bool = False
 
     @classmethod
     def of(cls, table: ColumnTable, source: str = "") -> Headings:
@@ -273,21 +307,36 @@ class Headings:
         for name, specification in columns.items():
             quantity = _quantity(name)
             chosen[quantity] = self._parse_specification(quantity, specification)
-        named = replace(self, taken=frozenset(choice.column for choice in chosen.values()))
+        named = replace(self, taken=_columns_of(chosen))
         unclear: list[_UnclearError] = []
         for quantity in QUANTITIES:
             if quantity in chosen or quantity in absent:
                 continue
             try:
-                choice = named._recognise(quantity)
+                choice = replace(named, rotary=_is_rotary(chosen))._recognise(quantity)
             except _UnclearError as error:
                 unclear.append(error)
             else:
                 chosen |= {} if choice is None else {quantity: choice}
         if unclear:
-            rest = replace(self, taken=frozenset(choice.column for choice in chosen.values()))
-            raise rest._refusal(unclear)
+            raise replace(self, taken=_columns_of(chosen))._refusal(unclear)
+        self._check_one_motion(chosen)
         return chosen
+
+    def _check_one_motion(self, chosen: Mapping[TestQuantity, ColumnChoice]) -> None:
+        """Refuse an angle beside a force, and a torque beside a displacement."""
+        kinds = {quantity: chosen[quantity] for quantity in ("displacement", "force") if quantity in chosen}
+        angles = [choice for choice in kinds.values() if choice.rotary]
+        if angles and len(angles) < len(kinds):
+            of = angles[0]
+            quantity = next(name for name, choice in kinds.items() if choice is of)
+            arm = "*0.05m" if quantity == "displacement" else "/0.05m"
+            other = next(choice for choice in kinds.values() if choice is not of)
+            raise RecordError(
+                f"{self.source}: '{of.column}' [{of.unit}] is of a rotation, and '{other.column}' [{other.unit}] is "
+                "not; give both of the rotation, or the arm in place of 0.05 m, as in "
+                f"{column_option(quantity, of.column, of.unit + arm)}"
+            )
 
     def guess(self) -> tuple[dict[TestQuantity, ColumnChoice], dict[TestQuantity, str]]:
         """The columns that can be told by name, with common symbols of units, and why others cannot be told."""
@@ -295,13 +344,16 @@ class Headings:
         doubts: dict[TestQuantity, str] = {}
         for quantity in QUANTITIES:
             try:
-                choice = self._recognise(quantity)
+                choice = replace(self, rotary=_is_rotary(chosen))._recognise(quantity)
             except (_UnclearError, MrworkError) as error:
                 doubts[quantity] = str(error).removeprefix(f"{self.source}: ")
             else:
                 if choice is not None:
                     symbols = FACTORS[quantity].items()
-                    unit = next(symbol for symbol, factor in symbols if factor == choice.factor)
+                    unit = next(
+                        (symbol for symbol, factor in symbols if factor == choice.factor), choice.unit
+                    )
+                    unit = choice.unit if choice.rotary else unit
                     chosen[quantity] = replace(choice, unit=unit)
         return chosen, doubts
 
@@ -350,11 +402,20 @@ class Headings:
 
     def _parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit the file's."""
+        two = _DIFFERENCE.fullmatch(specification.strip())
+        if two is not None:
+            first, second = (
+                self._parse_specification(quantity, text) for text in two.group("first", "second")
+            )
+            return replace(first, less=second)
         column, unit = _parse_specification(quantity, specification)
         name = find_column(column, self.names, self.source)
         if not unit:
             stated = (self.units.get(name, ""), words_and_unit(name)[1])
-            unit = next((stated_unit for stated_unit in stated if quantity_of(stated_unit) is not None), "")
+            known = (
+                each for each in stated if quantity_of(each) or rotary_factor(each, quantity) is not None
+            )
+            unit = next(known, "")
         if not unit:
             raise UnitError(
                 f"{self.source}: column '{name}' does not say its unit; give it, as in "
@@ -362,7 +423,8 @@ class Headings:
             )
         context = f"column option {quantity}={specification}"
         factor, offset = _scale_of(unit, quantity, context=context)
-        return ColumnChoice(column=name, unit=unit, factor=factor, offset=offset)
+        rotary = rotary_factor(unit, quantity) is not None
+        return ColumnChoice(column=name, unit=unit, factor=factor, offset=offset, rotary=rotary)
 
     def _recognise(self, quantity: TestQuantity) -> ColumnChoice | None:
         claims = [
@@ -382,6 +444,8 @@ class Headings:
         if fitting:
             name, unit = fitting[0]
             return ColumnChoice(column=name, unit=unit, factor=factor_to_si(unit, quantity, context=name))
+        if (turning := self._turning(quantity)) is not None:
+            return turning
         for name, unit in claims:
             # The name of an optional column is too ambiguous to refuse if it is one letter, or several words.
             is_weak = quantity not in REQUIRED and (len(name.strip()) == 1 or not is_plain(quantity, name))
@@ -405,9 +469,33 @@ class Headings:
             raise self._without(quantity)
         return None
 
+    def _turning(self, quantity: TestQuantity) -> ColumnChoice | None:
+        """The one column in a unit of an angle or a torque, or of a rate beside an angle, in place of a quantity."""
+        if quantity == "velocity" and not self.rotary:
+            return None
+        found = [
+            (name, unit, factor)
+            for name in self.free
+            for unit in (self._stated(name),)
+            if (factor := rotary_factor(unit, quantity)) is not None and not is_set_point(name)
+        ]
+        if len(found) != 1:
+            return None
+        ((name, unit, factor),) = found
+        return ColumnChoice(column=name, unit=unit, factor=factor, rotary=True)
+
     def _refusal(self, unclear: Sequence[_UnclearError]) -> MrworkError:
         """The first problem, with the options that solve all of them."""
         free = self.free
+        peaks = [name for name in self.names if _OF_DYNAMOMETER.search(name)]
+        speed = next((name for name in self.names if quantity_of(self._stated(name)) == "velocity"), "")
+        if peaks and speed and any(error.missing.quantity == "time" for error in unclear):
+            named = list_names([f"'{name}'" for name in (speed, *peaks)])
+            return RecordError(
+                f"{self.source}: has forces over peak velocities, as of a dynamometer ({named}), and no times; models "
+                "are fitted to records over time, so export each run with its time, displacement and force; with this "
+                "table compare the force over velocity of a fit, as mrwork export RUN --to csv writes it"
+            )
         units = {name: self.units.get(name, "") or words_and_unit(name)[1] for name in free}
         options = suggested_options([error.missing for error in unclear], free, units, self.read)
         first = unclear[0]
@@ -436,7 +524,17 @@ class Headings:
             shown = list_names([f"'{name}'" for name in self.names], _MOST_SHOWN)
             problem = f"no column for the {quantity} among {shown}"
             remedy = f"rename one, for example to '{TEST_ROLES[quantity].example}', or say which it is"
+            pressures = [
+                name for name in self.free if factor_of_product(self._stated(name), "*", "m2", "force")
+            ]
+            if quantity == "force" and pressures:
+                terms = (f"{name}:{self._stated(name)}*12.5cm2" for name in pressures[:2])
+                option = f"--column 'force={'-'.join(terms)}'"
+                remedy = f"give the areas of pistons in place of 12.5 cm2, as in {option}, {remedy}"
         return _UnclearError(problem, remedy, Missing(quantity=quantity), RecordError)
+
+    def _stated(self, name: str) -> str:
+        return words_and_bracket(name)[1] or self.units.get(name, "")
 
     @property
     def _is_nameless(self) -> bool:
@@ -459,6 +557,14 @@ class Headings:
         return unit if quantity_of(unit) is not None else apart
 
 
+def _columns_of(chosen: Mapping[TestQuantity, ColumnChoice]) -> frozenset[str]:
+    return frozenset(column for choice in chosen.values() for column in choice.columns)
+
+
+def _is_rotary(chosen: Mapping[TestQuantity, ColumnChoice]) -> bool:
+    return "displacement" in chosen and chosen["displacement"].rotary
+
+
 def _quantity(name: str) -> TestQuantity:
     for quantity in QUANTITIES:
         if quantity == name:
@@ -469,10 +575,15 @@ def _quantity(name: str) -> TestQuantity:
 
 def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str]:
     """Column and unit of ``"COLUMN:UNIT"``; the unit is empty where the file has to tell it."""
+    if (bare := _NO_UNIT.search(specification)) is not None:
+        raise SettingError(
+            f"column for the {quantity} is '{specification}': the scale {bare[1]} has no unit; give it, as in "
+            f"V*{bare[1]}{next(iter(FACTORS[quantity]))}, or of a pressure its area, as bar*{bare[1]}cm2"
+        )
     column, colon, unit = (part.strip() for part in specification.rpartition(":"))
-    if colon and "*" in unit:
+    if colon and ("*" in unit or _SCALE.fullmatch("".join(unit.split()))):
         unit = "".join(unit.split())
-    if colon and _OF_A_NAME.search(unit):
+    if colon and _OF_A_NAME.search(unit) and rotary_factor(unit, quantity) is None:
         # A colon within a heading: Position(Linear:Digital Position) (mm).
         column, colon, unit = specification.strip(), "", ""
     if not colon:
@@ -489,17 +600,24 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
 
 
 def _scale_of(unit: str, quantity: TestQuantity, *, context: str) -> tuple[float, float]:
-    """Factor and offset to SI of a unit, or of a scale, as ``V*200N`` or ``counts*0.1N-5N``."""
-    if "*" not in unit:
+    """Factor and offset to SI of a unit, or of a scale, as ``V*200N``, ``counts*0.1N-5N`` or ``bar*12.5cm2``."""
+    turning, scale = rotary_factor(unit, quantity), _SCALE.fullmatch(unit)
+    if turning is not None:
+        return turning, 0.0
+    if scale is None and "*" not in unit:
         return factor_to_si(unit, quantity, context=context), 0.0
-    scale = _SCALE.fullmatch(unit)
+    si = next(iter(FACTORS[quantity]))
     if scale is None:
-        si = next(iter(FACTORS[quantity]))
         raise SettingError(
             f"{context}: '{unit.partition('*')[2]}' is no scale; give the {quantity} that one of the column's numbers "
             f"stands for, with its unit, and an offset where there is one, as in V*200{si} or counts*0.5{si}-20{si}"
         )
-    factor = float(scale["scale"]) * factor_to_si(scale["unit"], quantity, context=context)
+    number = float(scale["scale"])
+    product = factor_of_product(scale["own"], scale["by"], scale["unit"], quantity)
+    if product is not None:
+        factor = product * number if scale["by"] == "*" else product / number
+    else:
+        factor = number * factor_to_si(scale["unit"], quantity, context=context)
     if not scale["offset"]:
         return factor, 0.0
     return factor, float(scale["offset"]) * factor_to_si(scale["of_offset"], quantity, context=context)

@@ -21,6 +21,7 @@ from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, quantity_of_command, sample_runs
 from mrwork.errors import MrworkError, RecordError, SettingError
+from mrwork.files.joined import parts_of
 from mrwork.files.named_columns import ColumnTable
 from mrwork.files.open_table import open_table, split_part
 from mrwork.records import checks
@@ -237,7 +238,9 @@ def test_from_arrays(
         synthetic=synthetic,
         **{"command_unit": command_unit if command is None else None, **fields},
     )
-    test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
+    # What stands between the samples of straight strokes is a mean of them, and of no channel.
+    if strokes is None:
+        test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
     return replace(test, remarks=(*remarks, *examine(test, motion)))
 
 
@@ -334,7 +337,9 @@ def read_damper_test(
     Parameters
     ----------
     path
-        The file; ``sweeps.csv#2`` is its second sweep or burst, or the second of several tests side by side.
+        The file; ``sweeps.csv#2`` is its second sweep or burst, or the second of several tests side by side, and
+        ``motion.csv+load.csv`` two files of one test, joined by a channel that both have, else by their times;
+        ``+load.csv@-1.5s`` moves those of the second.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to its column:
         ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file states the unit; a unit at the end of the name may be omitted.
@@ -383,7 +388,7 @@ def read_damper_test(
         chosen, scalar = headings.assign(specs)
         are_assigned = True
         of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
-        numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
+        numbers = table.read([*(name for choice in chosen.values() for name in choice.columns), *of_scalar])
     except MrworkError as error:
         if not (number or are_assigned) and (count := count_parts(table)) > 1:
             raise RecordError(
@@ -398,16 +403,21 @@ def read_damper_test(
         raise refusal from None
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
-        si = {quantity: choice.in_si(numbers[choice.column]) for quantity, choice in chosen.items()}
+        si = {quantity: choice.in_si(numbers) for quantity, choice in chosen.items()}
     if step is not None:
         si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
+    turned = chosen["displacement"].rotary and np.abs(np.diff(si["displacement"])).max(initial=0.0) > np.pi
+    if turned:
+        counted_anew = np.flatnonzero(np.abs(np.diff(si["displacement"])) > np.pi)
+        si["displacement"] = np.unwrap(si["displacement"])
     part = _rows_between(si["time"], start, end, source)
     if number and not is_side:
         part = span_of(si["time"], number, source)
     si = {quantity: samples[part] if samples.size > 1 else samples for quantity, samples in si.items()}
-    nominal = nominal_from_name(file.stem)
+    stem = "+".join(part.path.stem for part in parts_of(file))
+    nominal = nominal_from_name(stem)
     test = test_from_arrays(
-        name=f"{file.stem}#{number}" if number else file.stem,
+        name=f"{stem}#{number}" if number else stem,
         time=si["time"],
         displacement=si["displacement"],
         force=si["force"],
@@ -427,11 +437,22 @@ def read_damper_test(
             locate=lambda row: table.locate(part.start + row),
         ),
     )
-    used = {*(choice.column for choice in chosen.values()), *of_scalar}
+    used = {*(name for choice in chosen.values() for name in choice.columns), *of_scalar}
     test = with_nominal_command(test, nominal, headings.unclear_commands(used))
+    if step is not None:
+        # Who states the step has stated the unit of the time.
+        test = replace(test, remarks=tuple(each for each in test.remarks if each.code != checks.PACE.code))
+    rotation = list[Remark]()
+    if chosen["displacement"].rotary:
+        rotation.append(ROTARY.remark())
+        kept = tuple(remark for remark in test.remarks if remark.code not in checks.OF_STROKES)
+        test = replace(test, remarks=kept)
+    if turned:
+        first = f"{table.locate(int(counted_anew[0]) + 1)}"
+        rotation.append(_TURNED.remark(measured=Measured(float(counted_anew.size), ""), first=first))
     asked = () if test.commands or COMMAND in specs else headings.asked_commands(used)
     return replace(
-        test, remarks=(*command_question(asked, table), *test.remarks, *unused_remark(table, used))
+        test, remarks=(*command_question(asked, table), *rotation, *test.remarks, *unused_remark(table, used))
     )
 
 
@@ -439,10 +460,10 @@ def _refuse_sorted(table: ColumnTable, headings: Headings, columns: Mapping[str,
     """Refuse rows in the order of the displacement before a file without times is asked for them."""
     try:
         chosen, _ = headings.assign({**columns, "time": "1 s"})
-        numbers = table.read([choice.column for choice in chosen.values()])
+        numbers = table.read([name for choice in chosen.values() for name in choice.columns])
     except MrworkError:
         return
-    displacement, force = (numbers[chosen[quantity].column] for quantity in ("displacement", "force"))
+    displacement, force = (chosen[quantity].in_si(numbers) for quantity in ("displacement", "force"))
     checks.check_order(displacement, force, source=headings.source)
 
 
@@ -477,6 +498,25 @@ _NOT_USED: Final = RemarkKind("not_used", "not used: {parts}", verbs=OF_FILES)
 _TEMPERATURES: Final = re.compile(
     r"(?<![a-z])t[eé]mp(?![o])|°\s*[cf]\b|(?<![a-z])deg[ _]?[cf]\b|温度", re.IGNORECASE
 )
+ROTARY: Final = RemarkKind(
+    "rotary",
+    "angle and torque: of all that follows N is N m, mm is mrad, mm/s is mrad/s, N s/m is N m s/rad, N/m is N m/rad "
+    "and 1/m is 1/rad",
+    verbs=OF_FILES,
+)
+"""Of a rotary damper, whose model is the same with angle, rate and torque."""
+_TURNED: Final = RemarkKind(
+    "angle_continued",
+    "the angle is counted anew at a turn {value:.0f} times, first at {first}; it was continued",
+    verbs=OF_FILES,
+)
+_JOINED: Final = RemarkKind("files_joined", "{0}", verbs=OF_FILES)
+_JOINED_BY_TIMES: Final = RemarkKind(
+    "files_joined_by_times",
+    "{0}; nothing shows that their times count from one instant",
+    "record one channel in both files, or times of the day, or move a file, as in MOTION.csv+LOAD.csv@0.05s",
+    verbs=OF_FILES,
+)
 _ENCODING: Final = RemarkKind("encoding", "the text is no UTF-8 and was read as {encoding}", verbs=ONCE)
 _FURTHER: Final = RemarkKind(
     "further_records",
@@ -499,6 +539,8 @@ def unused_remark(table: ColumnTable, used: Collection[str]) -> tuple[Remark, ..
             if degrees is not None and np.isfinite(degrees).all():
                 mean, ends = Measured(float(degrees.mean()), ""), (float(degrees.min()), float(degrees.max()))
                 remarks.append(checks.TEMPERATURE.remark(name, measured=mean, least=ends[0], most=ends[1]))
+    if table.joined:
+        remarks.append((_JOINED if table.is_sure else _JOINED_BY_TIMES).remark(table.joined))
     if table.encoding:
         remarks.append(_ENCODING.remark(encoding=table.encoding))
     if table.further:

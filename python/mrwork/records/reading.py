@@ -20,12 +20,11 @@ from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, RecordError
-from mrwork.files.open_table import split_part
+from mrwork.files.open_table import is_there
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import Origin, read_damper_test, test_from_arrays
 from mrwork.records.repairs import RepairKind, repair
 from mrwork.records.window import count_samples_from, cut
-from mrwork.store.input_file import exists
 
 # Instants of a record may count from a far epoch.
 Instant = Annotated[float, Within(least=-1e10, most=1e10), InUnit("s")]
@@ -184,4 +183,4 @@ class Reading:
 
     def _path(self, file: str) -> str:
         """Path of a file from the current folder, or else from the folder where it was read."""
-        return file if exists(split_part(file)[0]) or not self.folder else str(Path(self.folder) / file)
+        return file if is_there(file) or not self.folder else str(Path(self.folder) / file)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mrwork.base.remark import ONCE, REMARK_KINDS, Measured, Remark, RemarkKind, Verb
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.records.checks import static_force
+from mrwork.records.checks import ONE_WAY, static_force
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.likeness import RecordedMotion, likest
 from mrwork.records.motion import robust_deviation, smooth_motion
@@ -198,6 +198,54 @@ def _belongs(force: float, levels: Floats, at: Floats, unit: str) -> str:
     return f", as at about {np.interp(wanted, levels, at):.2g} {unit}"
 
 
+# A stroke of constant speed is straight, and two of one speed about one place, within these shares of a stroke, of a
+# speed.
+_STRAIGHT, _ONE_PLACE, _EQUAL = 0.02, 0.1, 0.1
+_BOTH_WAYS: Final = RemarkKind(
+    "strokes_both_ways",
+    "strokes out and back at equal speeds ({0}): the static force is {value:+.4g} N, and {resists}",
+    verbs=ONCE,
+)
+
+
+def strokes_both_ways(tests: Sequence[DamperTest]) -> Iterator[Remark]:
+    """Note the static force and the friction of strokes of constant speed that each go one way, by both ways together.
+
+    Their mean forces are offset + friction sign(v) + damping v, by least squares; with one speed what resists it.
+    """
+    for names, speeds, forces in _two_ways(tests):
+        columns = np.stack([np.ones(speeds.size), np.sign(speeds), speeds], axis=1)
+        slow, fast = np.abs(speeds).min(), np.abs(speeds).max()
+        is_one = fast - slow < _EQUAL * fast
+        columns = columns[:, :2] if is_one else columns
+        values, *_ = np.linalg.lstsq(columns, forces, rcond=None)
+        rms = float(np.sqrt(np.mean((forces - columns @ values) ** 2)))
+        resists = f"{values[1]:.4g} N resist {1e3 * fast:.3g} mm/s"
+        if not is_one:
+            resists = f"what resists is {values[1]:.4g} N and {values[2]:.4g} N s/m times the speed, to {rms:.2g} N rms"
+        yield _BOTH_WAYS.remark(
+            list_names(names, _NAMED), measured=Measured(float(values[0]), "N"), resists=resists
+        )
+
+
+def _two_ways(tests: Sequence[DamperTest]) -> Iterator[tuple[list[str], Floats, Floats]]:
+    """Names, mean velocities [m/s] and forces [N] of strokes of one way at each command, where some are in pairs."""
+    groups = defaultdict[str, list[tuple[DamperTest, float, float]]](list)
+    for test in tests:
+        x, time = test.displacement, test.dt * np.arange(test.n_time)
+        speed, start = np.polyfit(time, x, 1)
+        is_straight = np.std(x - start - speed * time) < _STRAIGHT * np.ptp(x)
+        if is_straight and ONE_WAY.code in {remark.code for remark in test.remarks}:
+            groups[test.command_in_words].append((test, float(speed), float(x.mean())))
+    for group in groups.values():
+        found, speeds, places = zip(*group, strict=True)
+        speed, place = np.array(speeds), np.array(places)
+        stroke = max(float(np.ptp(test.displacement)) for test in found)
+        meets = np.abs(speed[:, None] + speed) < _EQUAL * np.abs(speed)
+        if meets.any() and np.ptp(place) < _ONE_PLACE * stroke:
+            yield [test.name for test in found], speed, np.array([test.force.mean() for test in found])
+
+
 # Tests that a sentence names; of more it names some and counts the others.
 _NAMED = 6
 
@@ -246,6 +294,14 @@ class GatheredRemarks:
 def gathered_remarks(tests: Sequence[DamperTest]) -> GatheredRemarks:
     """Separate the remarks that recur in several of `tests` from the remarks of one test."""
     places = defaultdict[tuple[str, tuple[str, ...]], list[tuple[DamperTest, Remark]]](list)
+    # What strokes of one way leave open is told by both ways.
+    both = {name for names, *_ in _two_ways(tests) for name in names}
+    tests = [
+        replace(test, remarks=tuple(remark for remark in test.remarks if remark.code != ONE_WAY.code))
+        if test.name in both
+        else test
+        for test in tests
+    ]
     for test in tests:
         for remark in test.remarks:
             places[remark.code, remark.words].append((test, remark))
@@ -304,5 +360,6 @@ def remarks_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedRemark, 
 
 
 def remarks_of_set(tests: Sequence[DamperTest]) -> tuple[Remark, ...]:
-    """Remarks that need several tests: wrong commands, repeats of another force, and copies."""
-    return (*find_mislabelled(tests), *repeats_that_differ(tests), *repeated_records(tests))
+    """Remarks that need several tests: wrong commands, repeats, copies, strokes of both ways."""
+    found = find_mislabelled(tests), repeats_that_differ(tests), repeated_records(tests)
+    return tuple(remark for each in (*found, strokes_both_ways(tests)) for remark in each)

@@ -15,6 +15,7 @@ from mrwork.base.summary import Summarised, list_names
 from mrwork.base.table import csv_text
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.delimited import read_text_bytes, split_lines
+from mrwork.files.joined import parts_of
 from mrwork.files.layout import delimiter_of, is_data, split, without_empty_end
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS, listed_files, split_part
 from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
@@ -141,7 +142,8 @@ def files_not_read(paths: Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
         inside = [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
         table = folder / TABLE_NAME
         if is_test_table(table):
-            of_table = {real_path(split_part(row.file)[0]) for row in read_test_table(table)}
+            listed = (split_part(row.file)[0] for row in read_test_table(table))
+            of_table = {real_path(part.path) for name in listed for part in parts_of(name)}
             left = [path for path in inside if _is_record(path) and real_path(path) not in of_table]
             why = f"not in {TABLE_NAME}"
         else:

@@ -166,7 +166,7 @@ def opensees_text(
     step = bouc_wen.strain_step(wanted)
     at = "" if command is None else f" at {of_unit(command, fit.spec.command_unit or '')}"
     facts = [
-        f"{fit.spec.title}{at}, fit {fit.fit_percent:.2f} %; units N, m, s",
+        f"{fit.spec.title}{at}, fit {fit.fit_in_words}; units N, m, s",
         f"for an error of the hysteretic force below {100.0 * wanted:g} % of its largest value, {k_w:.4g} N,",
         f"let the strain change by at most {step:.3g} m in a step: the error of OpenSees is proportional to it",
     ]

@@ -20,6 +20,7 @@ from mrwork.embedded.damper_c import damper_source
 from mrwork.embedded.fmu import FMIVersion, c_compiler, fmu_of
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
+from mrwork.records.read import ROTARY
 from mrwork.runs.damper_text import refuse_bounds
 from mrwork.runs.read_study import read_study
 from mrwork.store.output_file import write_file
@@ -30,7 +31,8 @@ from mrwork.study.trials import designed
 def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None) -> CSource:
     """The C of the damper of a fit; what the records add to its force is left out, and told in the head."""
     refuse_bounds(fit)
-    of_tests = f"{fit.fit_percent:.2f} % of {len(fit.quality)} test{'s' if len(fit.quality) > 1 else ''}"
+    of_tests = f"{fit.fit_in_words} of {len(fit.quality)} test{'s' if len(fit.quality) > 1 else ''}"
+    rotary = [remark.as_sentence for remark in fit.remarks if remark.code == ROTARY.code]
     return damper_source(
         c_name(name),
         fit.spec,
@@ -38,7 +40,10 @@ def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None
         fit.tested,
         flavour,
         sample_time=USUAL_SAMPLE_TIME if time_step is None else time_step,
-        origin=(f"Fit: {of_tests}, {fit.status_in_words}", *filter(None, [fit.observation_in_words])),
+        origin=(
+            f"Fit: {of_tests}, {fit.status_in_words}",
+            *filter(None, [fit.observation_in_words, *rotary]),
+        ),
     )
 
 

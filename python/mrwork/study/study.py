@@ -370,8 +370,11 @@ class Study(Summarised):
         bare = digest_of_run(self.arrangements[0])
         baselines = [arrangement for arrangement in self.arrangements if arrangement.row.kind == "baseline"]
         of_each = (self.building.remarks, *(baseline.building.damping_remarks for baseline in baselines))
-        of_baselines = (remark for each in baselines for remark in coordinate_remarks(each.building))
-        asked = [*of_baselines] if not any(coordinate_remarks(self.building)) else []
+        own, *others = (
+            [*each.building.ordering, *coordinate_remarks(each.building)]
+            for each in (self.arrangements[0], *baselines)
+        )
+        asked = [] if own else [remark for each in others for remark in each]
         same = (
             _SAME_BUILDING.remark(baseline.row.label)
             for baseline in baselines

@@ -108,9 +108,10 @@ def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
         decimals = numbers.decimals_of(values, 3)
         return [numbers.format_fixed(value, decimals) for value in values]
 
+    all_tests = "-" if fit.has_constant else numbers.format_fixed(fit.fit_percent, 2)
     columns = {
         "Test": [*(figures.name_of(prediction.test) for prediction in predictions), "All tests"],
-        "Fit (%)": [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
+        "Fit (%)": [*(quality.fit_in_words for quality in fit.quality), all_tests],
         "RMSE (N)": column([entry.rmse_n for entry in every]),
         _norm("t"): column([norm.time for norm in norms]),
         _norm("x"): column([norm.displacement for norm in norms]),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrwork.base.numbers import format_fixed
+from mrwork.base.numbers import format_fixed, significant
 from mrwork.base.remark import Remark, RemarkKind, warnings_of
 from mrwork.base.summary import list_names
 from mrwork.dampers.between_commands import LAWS_OPEN
@@ -150,8 +150,8 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
     numbers = [
         Number(
             title="Fit to its own tests",
-            value=format_fixed(fit.fit_percent, 1),
-            unit="%",
+            value=significant(fit.rmse_n, 3) if fit.has_constant else format_fixed(fit.fit_percent, 1),
+            unit="N rms" if fit.has_constant else "%",
             note=f"{_tests(fit_spread.n_tests)}{worst}; NRMSE {fit.nrmse:.3g}, RMSE {fit.rmse_n:.3g} N",
         ),
         Number(

@@ -185,7 +185,7 @@ class Prediction(Plotted, WithAxes, Summarised):
         return Summary(
             title=f"Prediction of {self.test.name}",
             facts=(
-                ("fit", f"{self.fit_percent:.2f} %"),
+                ("fit", "" if self.quality.constant else f"{self.fit_percent:.2f} %"),
                 ("error", f"{self.rmse_n:.4g} N rms, at most {np.abs(self.residual).max():.4g} N"),
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),

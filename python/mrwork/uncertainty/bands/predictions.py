@@ -61,9 +61,8 @@ class PredictedTest:
 # What the predictions have in their table and in JSON; the last ones only where bands were asked for.
 _COLUMNS = (
     Column("file", "file", of=attrgetter("prediction.test.label")),
-    Column(
-        "fit_percent", "fit", "%", shown=lambda value: f"{value:.2f}", of=attrgetter("quality.fit_percent")
-    ),
+    Column("fit_percent", of=attrgetter("quality.fit_percent")),
+    Column("", "fit", "%", of=attrgetter("quality.fit_in_words")),
     Column("nrmse", "NRMSE", shown=lambda value: f"{value:.4f}", of=attrgetter("quality.nrmse")),
     Column("rmse_n", "RMSE", "N", shown=lambda value: f"{value:.2f}", of=attrgetter("quality.rmse_n")),
     Column("error_norms", of=attrgetter("quality.error_norms")),

@@ -84,6 +84,10 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
             estimate.name
             for index, estimate in free
             if estimate.verdict.word == "not identifiable"
-            or (estimate.standard_error is not None and estimate.standard_error > scales[index].size)
+            or (
+                estimate.verdict.word == "weakly identifiable" and not estimate.at_bound
+                if estimate.standard_error is None
+                else estimate.standard_error > scales[index].size
+            )
         ],
     }
