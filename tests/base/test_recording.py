@@ -111,6 +111,9 @@ ROUNDED: dict[str, Callable[[Any], Any]] = {
     "small powers": lambda x: np.abs(x) ** 0.35,
     "reciprocal powers": lambda x: np.abs(x) ** -0.35,
     "exponent": lambda x: np.abs(x[0]) ** np.clip(x[1], -2.0, 2.0),
+    "angles": lambda x: np.sin(x) + 2.0 * np.cos(3.0 * x) + np.tan(0.5 * x),
+    "angle of a point": lambda x: np.arctan2(x[0], x[1]) + np.arctan(x[0]),
+    "angles of sines": lambda x: np.arcsin(x) + 2.0 * np.arccos(x),
     "mean": lambda x: x.mean(axis=1) + np.mean(x),
     "matrix": lambda x: WEIGHT @ np.nan_to_num(x.T, nan=0.0, posinf=9.0, neginf=-9.0),
     "dot": lambda x: np.dot(x, TABLE[:3]) + x @ TABLE[:3],
@@ -222,7 +225,7 @@ REFUSED: dict[str, tuple[Callable[[Any], Any], str]] = {
     "a place": (lambda x: range(4)[np.argmin(x)], r"np\.choose"),
     "an array that is filled": (lambda x: np.asarray(x), r"np\.zeros_like"),
     "a list": (lambda x: np.array([x[0, 0], 1.0]), r"np\.stack"),
-    "another function": (lambda x: np.sin(x), r"np\.sin is none of the operations of the core"),
+    "another function": (lambda x: np.cbrt(x), r"np\.cbrt is none of the operations of the core"),
     "percentile": (lambda x: np.percentile(x, 50), "asks for values|none of the operations"),
     "a size": (lambda x: x[x > 0.0], r"np\.where\(condition, x, other\)"),
     "where without choices": (lambda x: np.where(x > 0.0), r"np\.where\(condition, a, b\)"),
@@ -333,6 +336,36 @@ def test_an_effect_beside_the_result_is_found_in_the_text(function: Any, words: 
 @pytest.mark.parametrize("function", [collects, late, EXACT["changed in place"], EXACT["clip"]])
 def test_what_a_function_does_with_its_own_is_no_effect(function: Any) -> None:
     assert effect_of(function) is None
+
+
+TYPED = """
+def law(x):
+    y = x * GAIN
+    y[0, 0] = OTHER
+    return np.where(y > 0.0, y, 0.0)
+def inner(x):
+    return [k * x for k in range(3)]
+"""
+DOES_MORE = {
+    "SEEN.append(x)": "calls something",
+    "print(x)": "calls something",
+    "global COUNT; COUNT += 1": "changes COUNT",
+    "LAST[0] = x": "may be that",
+    "x.last = LAST": "may be that",
+}
+
+
+def test_a_function_typed_at_a_prompt_is_recorded() -> None:
+    """It has no text; its instructions say whether it does more than its result."""
+    names: dict[str, Any] = {"np": np, "GAIN": 2.0, "OTHER": 3, "SEEN": [], "LAST": [0.0]}
+    exec(compile(TYPED, "<stdin>", "exec"), names)
+    x = np.random.default_rng(0).normal(size=(2, 3))
+    for name in ("law", "inner"):
+        assert effect_of(names[name]) is None
+    np.testing.assert_array_equal(recorded(names["law"], x), names["law"](x))
+    for statement, words in DOES_MORE.items():
+        exec(compile(f"def law(x):\n    {statement}\n    return x\n", "<stdin>", "exec"), names)
+        assert re.search(rf"<stdin>, line 2: it .*{words}", effect_of(names["law"]) or ""), statement
 
 
 def test_text_that_says_jnp_is_recorded_with_numpy() -> None:

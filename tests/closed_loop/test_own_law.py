@@ -16,7 +16,7 @@ from mrwork.dampers.simulation import Outcome
 
 BROKEN = Fault(channel="force", index=0, start=0.2, end=0.3, value=np.nan)
 # How near the numbers of Python are: exp, tanh and the order of sums are others.
-NEAR = {"network": 1e-9, "kalman": 1e-9, "one step": 1e-9, "energy": 1e-9}
+NEAR = dict.fromkeys(("network", "kalman", "one step", "energy", "phase"), 1e-12)
 
 
 def run(law: mr.ControlLaw, hardware: Hardware | None = None, **settings: Any) -> Responses:
@@ -39,7 +39,7 @@ def run(law: mr.ControlLaw, hardware: Hardware | None = None, **settings: Any) -
 def test_a_recorded_law_has_the_numbers_of_its_function(name: str, hardware: Hardware) -> None:
     found, expected = (run(LAWS[name](record=record), hardware) for record in (True, False))
     np.testing.assert_array_equal(found.outcome, expected.outcome)
-    for quantity in ("peak_drift", "rms_acceleration", "mean_current", "device_energy"):
+    for quantity in ("peak_drift", "rms_acceleration", "mean_current", "device_energy", "command_travel"):
         mine, its = getattr(found, quantity), getattr(expected, quantity)
         np.testing.assert_allclose(mine, its, rtol=NEAR.get(name, 0.0))
     assert found.mean_current.max() > 0.0
@@ -107,6 +107,9 @@ def test_a_wrong_memory_is_told(function: Callable[..., Any], words: str) -> Non
         ({"gain": ("1", 3.0, 1.0, 2.0)}, "that rise"),
         ({"gain": ("1", 0.0, 5.0, 2.0)}, "that rise"),
         ({"a gain": ("1", 0.0, 1.0, 2.0)}, "a name of letters"),
+        ({"weights": ("1", 0.0, 1.0, 2.0)}, "weights is no name of a setting of skyhook; give another one"),
+        ({"gain": ("1", 0.0, [1.0, 5.0], 2.0)}, "nominally 5; .* that rise"),
+        ({"gain": ("1", 0.0, [], 2.0)}, "nominally nothing; .* that rise"),
     ],
 )
 def test_a_wrong_setting_is_refused(settings: dict[str, Any], words: str) -> None:

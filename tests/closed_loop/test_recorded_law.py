@@ -101,9 +101,9 @@ LAWS: dict[str, tuple[UserLaw, float]] = {
     "ramp": (UserLaw(name="ramp", command=ramp, n_memory=1), 0.0),
     "filtered": (UserLaw(name="filtered", command=filtered, n_memory=1), 0.0),
     "fading": (UserLaw(name="fading", command=fading, rms_time=0.5), 0.0),
-    "mean of fifty": (UserLaw(name="mean", command=mean_of_fifty, n_memory=50), 1e-11),
-    "of state": (UserLaw(name="of state", command=of_state), 1e-11),
-    "curved": (UserLaw(name="curved", command=curved), 1e-11),
+    "mean of fifty": (UserLaw(name="mean", command=mean_of_fifty, n_memory=50), 1e-12),
+    "of state": (UserLaw(name="of state", command=of_state), 1e-12),
+    "curved": (UserLaw(name="curved", command=curved), 1e-12),
 }
 
 

@@ -17,8 +17,13 @@ import numpy as np
 import pytest
 from c_sources import SUBSTEP
 from fmu_instances import Instance, Unpacked
+from loop_samples import devices, five_storeys, rd1005
+from own_laws import LAWS
+from printed_laws import printed as printed_law
 from scipy.integrate import solve_ivp
 
+import mrwork as mr
+from mrwork.closed_loop.printed_loop import PrintedLoop
 from mrwork.embedded.c_source import CSource
 from mrwork.embedded.fmu import FMIVersion, c_compiler, fmu_of
 from mrwork.errors import LibraryError
@@ -28,7 +33,15 @@ SOURCES: dict[str, Callable[[], CSource]] = {
     "hysteretic": c_sources.hysteretic,
     "stateless": c_sources.stateless,
     "controller": c_sources.controller,
+    "law of the user": lambda: own_law()[1],
 }
+
+
+def own_law() -> tuple[PrintedLoop, CSource]:
+    """A law of the user with memory, settings and sines."""
+    return printed_law(five_storeys(), devices(rd1005()), mr.Hardware(), LAWS["phase"]())
+
+
 VERSIONS: tuple[FMIVersion, ...] = ("2.0", "3.0")
 STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
 # Largest amplitudes of displacement [m] and velocity [m/s], and the largest command [A].
@@ -85,7 +98,7 @@ def test_an_fmu_is_valid(kind: str, version: FMIVersion, tmp_path: Path) -> None
     assert validation.validate_fmu(str(path)) == []
     about = fmpy.read_model_description(str(path))
     assert len(about.buildConfigurations[0].sourceFileSets[0].sourceFiles) == 2
-    assert (about.modelExchange is not None) == (version == "2.0" and kind != "controller")
+    assert (about.modelExchange is not None) == (version == "2.0" and SOURCES[kind]().kind == "damper")
 
 
 def compile_strictly(
@@ -282,6 +295,26 @@ def test_a_controller_sends_its_commands(
     assert controller.step(1.0, 0.01) == 0
     again = np.vstack([readings, readings[-1:], readings[-1:]])
     assert controller.get("command[0]", "command[1]").tolist() == c_sources.commands_of(again)[-1].tolist()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_law_of_the_user_sends_the_commands_of_the_core(
+    version: FMIVersion, compiled: Callable[[str, FMIVersion], Unpacked]
+) -> None:
+    core, source = own_law()
+    columns = [f"{name}[{entry}]" for name, count in mr._rust.law_readings(core) for entry in range(count)]
+    readings = np.random.default_rng(5).normal(0.0, 0.1, (200, len(columns)))
+    controller, sent = Instance(compiled("law of the user", version)), []
+    names = {each.name for each in source.inputs}
+    assert 0 < len(names) < len(columns)
+    for number, row in enumerate(readings):
+        given = {name: value for name, value in zip(columns, row.tolist(), strict=True) if name in names}
+        assert controller.set(given) == 0
+        assert controller.step(number * 1e-3, 1e-3) == 0
+        sent.append(controller.get("command[0]", "command[1]"))
+    expected = mr._rust.law_commands(core, readings)[:, : core.n_commanded]
+    np.testing.assert_array_equal(sent, expected[:, : len(sent[0])])
+    assert np.unique(expected).size > 100
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -56,6 +56,33 @@ def network(sample: Any, memory: Any, settings: Any) -> Any:
     return settings.scale * sample.largest / (1.0 + np.exp(-(_W3 @ hidden + 0.1)))
 
 
+_PAIRS = ((4, 16), (16, 16), (16, 1))
+_LEARNED = np.concatenate([_RNG.normal(0.0, (a + 1) ** -0.5, (a + 1) * b) for a, b in _PAIRS])
+
+
+def _learned(sample: Any, memory: Any, settings: Any) -> Any:
+    """A network 4-16-16-1 whose numbers are a setting."""
+    x: Any = np.stack(
+        [
+            sample.deformation[0] / 5e-3,
+            sample.rate[0] / 0.1,
+            sample.force[0] / 1e3,
+            sample.acceleration[0] / 3.0,
+        ]
+    )
+    at = 0
+    for a, b in _PAIRS:
+        w = settings.numbers[at : at + (a + 1) * b].reshape(a + 1, b)
+        x, at = x @ w[:-1] + w[-1], at + (a + 1) * b
+        x = np.tanh(x) if b > 1 else x
+    return sample.largest / (1.0 + np.exp(-x))
+
+
+def learned_network() -> mr.ControlLaw:
+    """The network with an array as its setting."""
+    return mr.own_law(_learned, settings={"numbers": ("1", -20.0, _LEARNED, 20.0)})
+
+
 def schedule(sample: Any, memory: Any, settings: Any) -> Any:
     """A gain by a table of speeds."""
     speed = np.abs(sample.rate)
@@ -84,6 +111,13 @@ def energy(sample: Any, memory: Any, settings: Any) -> Any:
     power = sample.force[0] * sample.rate[0]
     memory.last = np.concatenate([memory.last[1:], np.reshape(power, (1,))])
     return sample.largest * np.clip(1.0 - np.mean(memory.last) / settings.power, 0.0, 1.0)
+
+
+def phase(sample: Any, memory: Any, settings: Any) -> Any:
+    """A command by where each damper is in its cycle, of frequency w."""
+    angle = np.arctan2(sample.rate, settings.w * sample.deformation)
+    memory.turned = memory.turned + settings.w * sample.sample_time
+    return sample.largest * np.sin(angle - settings.shift) ** 2 * (1.0 + np.cos(memory.turned)) / 2.0
 
 
 def skyhook_law(**options: Any) -> mr.ControlLaw:
@@ -120,6 +154,12 @@ LAWS: dict[str, Callable[..., mr.ControlLaw]] = {
     "one step": lambda **options: mr.own_law(one_step, settings={"effort": ("1", 0.0, 1e-6, 1.0)}, **options),
     "energy": lambda **options: mr.own_law(
         energy, memory={"last": np.zeros(50)}, settings={"power": ("W", 1.0, 200.0, 1e4)}, **options
+    ),
+    "phase": lambda **options: mr.own_law(
+        phase,
+        memory={"turned": 0.0},
+        settings={"w": ("rad/s", 1.0, 20.0, 200.0), "shift": ("rad", -3.2, 0.3, 3.2)},
+        **options,
     ),
 }
 """The laws by name, with their nominal settings."""

@@ -6,9 +6,11 @@ from typing import Any
 
 import hypothesis.strategies as st
 import numpy as np
+import own_dampers
 import pytest
 from examples import examples
 from hypothesis import given
+from refusals import refusal
 from test_study_keys import SOUND, members
 from tuning_samples import study_file
 
@@ -230,3 +232,40 @@ def test_every_key_has_the_line_where_it_stands(end: str) -> None:
 def test_what_is_no_toml_is_refused_with_its_line() -> None:
     with pytest.raises(SettingError, match=r"a\.toml is not TOML: .*line 2"):
         parse("a = 1\nb = \n", "a.toml")
+
+
+def test_a_damper_of_the_user_with_stated_parameters_stands_in_a_file_that_runs_nothing(
+    tmp_path: Path,
+) -> None:
+    """Its formulas are data; one that was changed is refused with the line of the study."""
+    damper = {
+        "storey": 1,
+        "model": own_dampers.loop,
+        "parameters": dict(zip(own_dampers.loop.names, own_dampers.loop.nominal.tolist(), strict=True))
+        | {"c": (100.0, 200.0)},
+        "largest_command": 2.0,
+    }
+    study = mr.study_of(
+        building=mr.building("uts"),
+        dampers=[damper],
+        laws=["passive_on"],
+        motions=[mr.synthetic_motion(duration=0.5)],
+    )
+    study.to_toml(tmp_path / "study.toml")
+    again = read_study(tmp_path / "study.toml")
+    assert again.devices[0].spec == study.devices[0].spec
+    (tmp_path / "elsewhere").mkdir()
+    again.to_toml(tmp_path / "elsewhere" / "study.toml")
+    moved = read_study(tmp_path / "elsewhere" / "study.toml")
+    mine, its = (mr.run_study(each, threads=1).quantities.peak_drift for each in (study, moved))
+    np.testing.assert_array_equal(mine, its)
+    (place,) = tmp_path.rglob("*.json")
+    text = place.read_text()
+    for damaged, words in (
+        (text.replace('"multiply"', '"sine"'), "no operation of a tape is called `sine`"),
+        (text[:100], "is no damper model"),
+        ("[]", "is no damper model"),
+        (text.replace('"my_loop"', '"bouc_wen"', 1), "is the name of a model of the package"),
+    ):
+        place.write_text(damaged)
+        refusal(read_study, tmp_path / "study.toml", match=rf"study\.toml, line \d+: .*{words}")

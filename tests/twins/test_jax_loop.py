@@ -5,8 +5,10 @@ from functools import cache
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import own_dampers
+import own_laws
 import pytest
 from loop_samples import LAG, five_storeys, rd1005
 from refusals import refusal
@@ -200,9 +202,95 @@ def test_motions_of_about_one_length_share_a_program() -> None:
     assert counts == counts[:1] * 3
 
 
+# As sensors of a loop of two storeys read them.
+SENSED = replace(LATE, measured_storeys=(1, 0))
+
+
+@cache
+def two_storeys() -> tuple[mr.Building, list[mr.Device]]:
+    """Five storeys with two pairs behind their lags."""
+    frame, (spec, theta) = five_storeys(), rd1005()
+    pairs = [
+        mr.Device(
+            name=f"pair {k}",
+            spec=spec,
+            theta=theta,
+            row=frame.storeys[k],
+            largest_command=1.88,
+            differential=True,
+        )
+        for k in (0, 2)
+    ]
+    return frame, pairs
+
+
+@pytest.mark.parametrize("law", own_laws.LAWS)
+@pytest.mark.parametrize("dt", [1e-3, 4e-4], ids=["", "finer than a step"])
+def test_a_law_of_the_user_is_that_of_the_core(law: str, dt: float) -> None:
+    """With memory, settings, delay, a limit of the rate and the lag of drivers; its loss is that of the core."""
+    (frame, pairs), given = two_storeys(), own_laws.LAWS[law]()
+    motion = mr.synthetic_motion(rng=0, duration=0.6, peak=3.0, dt=dt)
+    expected = mr.simulate_loop(frame, pairs, given, [motion], SENSED, histories=True)
+    loop = mr.jax.loop(frame, pairs, given, motion, SENSED, steps=int(expected.steps[0]))
+    found = loop()
+    for name, signals in found.history.items():
+        kept = expected.histories[0].numbers[name].reshape(signals.shape)
+        np.testing.assert_allclose(signals, kept, rtol=0.0, atol=1e-11 * np.abs(kept).max(), err_msg=name)
+    for name in ("rms_drift", "peak_acceleration"):
+        np.testing.assert_allclose(found.numbers[name], expected.numbers[name][0], rtol=1e-11)
+
+
+def test_a_law_may_read_ground_time_and_state() -> None:
+    def every(sample: Any, memory: Any, settings: Any) -> Any:
+        shaken = sample.ground_acceleration + 5.0 * sample.ground_velocity + sample.state @ settings.row
+        memory.seen = 0.9 * memory.seen + shaken * np.cos(4.0 * sample.time)
+        return sample.largest * np.abs(np.tanh(memory.seen + sample.deformation[0] * 50.0))
+
+    frame, pairs = two_storeys()
+    row = np.linspace(-3.0, 3.0, 10).reshape(10)
+    given = mr.own_law(every, memory={"seen": 0.1}, settings={"row": ("1", -5.0, row, 5.0)})
+    for dt in (1e-3, 4e-4):
+        motion = mr.synthetic_motion(rng=3, duration=0.6, peak=3.0, dt=dt)
+        expected = mr.simulate_loop(frame, pairs, given, [motion], LATE, histories=True)
+        found = mr.jax.loop(frame, pairs, given, motion, LATE, steps=int(expected.steps[0]))()
+        kept = expected.histories[0].numbers["command"].reshape(found.history["command"].shape)
+        assert kept.std() > 0.1
+        np.testing.assert_allclose(found.history["command"], kept, rtol=0.0, atol=1e-11)
+
+
+@pytest.mark.long
+def test_slopes_in_settings_are_differences_of_the_core() -> None:
+    """Of a network of 369 numbers behind a delay and a lag, along two directions, by differences of fourth order."""
+    frame, pairs = two_storeys()
+    given, motion = own_laws.learned_network(), mr.synthetic_motion(rng=1, duration=1.0, peak=2.0)
+    hardware = mr.Hardware(sample_time=2e-3, step=1e-3, delay=3e-3)
+    loop = mr.jax.loop(frame, pairs, given, motion, hardware)
+
+    def loss(weights: jax.Array) -> jax.Array:
+        found = loop(loop.inputs._replace(gains={"numbers": weights}), histories=False).numbers
+        return (found["rms_drift"] ** 2).sum() * 1e6
+
+    def of_core(weights: Floats) -> float:
+        run = mr.simulate_loop(frame, pairs, replace(given, gains={"numbers": weights}), [motion], hardware)
+        assert run.steps[0] == loop.steps
+        return float((run.numbers["rms_drift"] ** 2).sum() * 1e6)
+
+    weights = np.array(given.gains["numbers"])
+    assert weights.shape == (369,)
+    value, slope = jax.value_and_grad(loss)(jnp.array(weights))
+    assert float(value) == pytest.approx(of_core(weights), rel=1e-12)
+    for seed in (0, 1):
+        along, h = np.random.default_rng(seed).normal(size=weights.size), 1e-4
+        ends = [of_core(weights + step * h * along) for step in (-2.0, -1.0, 1.0, 2.0)]
+        expected = (ends[0] - 8.0 * ends[1] + 8.0 * ends[2] - ends[3]) / (12.0 * h)
+        assert abs(expected) > 1e-2
+        assert float(slope @ along) == pytest.approx(expected, rel=1e-8)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"law": mr.own_law(lambda sample, *_: max(0.0, sample.rate[0]))}, r"cannot be recorded.*np\.maximum"),
         ({"law": mr.ControlLaw(name="fuzzy", gains={"deformation_scale": [1.0], "rate_scale": [1.0]},
                                tables={"shares": np.ones(4)})}, "the law fuzzy"),
         ({"hardware": mr.Hardware(feedback="observer")}, "an observer"),

@@ -94,11 +94,13 @@ impl Watched {
                     next => next,
                 };
                 found[row] = Self { wanted: own, substeps: next.map(|next| next.max(count)) };
-                if let Some(next) = next
-                    && next > count
+                // Half of the wanted steps are stable (their relaxation times the step is below 2.79) and tell as much.
+                let again = next.map(|next| if own == f64::INFINITY { next } else { next / 2 });
+                if let Some(again) = again
+                    && again > count
                     && !damper.relaxes_by_motion()
                 {
-                    counts[row] = next;
+                    counts[row] = again;
                     open.push(row);
                 }
             }

@@ -166,6 +166,54 @@ fn is_wrong(tape: &Tape) -> bool {
     tape.ends.iter().any(|&end| !known.contains(&usize::from(end)))
 }
 
+/// What makes any tape unsound, by its number.
+fn break_it(tape: &mut Tape, what: usize, place: usize, other: u16) {
+    let first = tape.n_inputs + tape.constants.len();
+    let beyond = u16::try_from(tape.n_slots).unwrap_or(u16::MAX).saturating_add(other % 1_000);
+    let number = place % tape.entries.len();
+    let entry = &mut tape.entries[number];
+    match what {
+        // Over an input or a constant.
+        0 => entry.to = u16::try_from(usize::from(other) % first).unwrap_or(0),
+        1 => entry.to = beyond,
+        2 => (entry.operation, entry.of[0]) = (Operation::Negative, beyond),
+        3 => (entry.operation, entry.of[2]) = (Operation::Fused, beyond),
+        // A slot that is there and was never written.
+        4 => {
+            (entry.operation, entry.of[0]) = (Operation::Root, beyond);
+            tape.n_slots = usize::from(beyond) + 1;
+        }
+        5 => {
+            let past = u16::try_from(tape.table.len()).unwrap_or(u16::MAX).saturating_add(other % 1_000);
+            (entry.operation, entry.of[1]) = (Operation::Scaled, past);
+        }
+        6 => tape.ends[place % 3] = beyond,
+        7 => tape.n_slots = first - 1,
+        8 => tape.n_inputs = usize::MAX - usize::from(other),
+        9 => tape.n_slots = MOST_SLOTS + 1 + usize::from(other),
+        10 => {
+            let copied = *entry;
+            tape.entries.extend(std::iter::repeat_n(copied, MOST_OPERATIONS));
+        }
+        _ => tape.table = vec![0.0; MOST_OPERATIONS + 1 + usize::from(other)],
+    }
+}
+
+#[test]
+fn every_tape_that_leaves_its_slots_is_refused() {
+    let (cases, refused) = (1_000, std::cell::Cell::new(0));
+    let damages = (sound(), 0..12_usize, any::<usize>(), any::<u16>());
+    let outcome = TestRunner::new(config(cases)).run(&damages, |(mut tape, what, place, other)| {
+        prop_assert!(tape.is_sound());
+        break_it(&mut tape, what, place, other);
+        prop_assert!(!tape.is_sound(), "damage {}", what);
+        refused.set(refused.get() + 1);
+        Ok(())
+    });
+    assert!(outcome.is_ok(), "{outcome:?}");
+    assert_eq!(refused.get(), cases);
+}
+
 #[test]
 fn a_damaged_tape_is_refused_or_does_arithmetic_on_its_own_slots() {
     let cases = 1_000;

@@ -14,6 +14,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import ModuleType
 from typing import Any, Final
 
@@ -199,15 +200,15 @@ class Recording:
 
 def _frame_of_user() -> Any:
     frame: Any = sys._getframe(1)
-    while frame is not None and _is_installed(frame):
+    while frame is not None and _is_installed(frame.f_globals.get("__name__", ""), frame.f_code.co_filename):
         frame = frame.f_back
     return frame
 
 
-def _is_installed(frame: Any) -> bool:
-    """Whether it runs this package or a library."""
-    is_own = frame.f_globals.get("__name__", "").startswith(_OWN)
-    return is_own or "-packages" in frame.f_code.co_filename
+@lru_cache(maxsize=4096)
+def _is_installed(module: str, file: str) -> bool:
+    """Whether it is of this package or of a library; asked for ten frames of every operation."""
+    return module.startswith(_OWN) or "-packages" in file
 
 
 def line_of_user() -> str:

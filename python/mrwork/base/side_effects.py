@@ -7,15 +7,20 @@ functions of its user that it calls.
 from __future__ import annotations
 
 import ast
+import dis
 import inspect
 import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FunctionType, MethodType, ModuleType
+from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
 
+# What no statement changes.
+_FIXED = (int, float, complex, str, bytes, tuple, frozenset, type(None), ModuleType)
+_OUTSIDE = ("STORE_GLOBAL", "DELETE_GLOBAL")
+_CHANGES = ("STORE_SUBSCR", "STORE_ATTR", "STORE_SLICE", "DELETE_SUBSCR", "DELETE_ATTR")
 _FRESH = (ast.List, ast.Dict, ast.ListComp, ast.DictComp, ast.Tuple)
 
 
@@ -121,9 +126,7 @@ def _effects(function: FunctionType, remedy: str) -> Iterator[str]:
         text = textwrap.dedent(inspect.getsource(function))
         tree = ast.parse(text)
     except (OSError, SyntaxError, TypeError, ValueError):
-        if function.__name__ != "<lambda>":
-            yield f"{file}, line {first}: {function.__name__} has no text to be read for what it does beside its result"
-        # A lambda has no statements.
+        yield from _effects_in_code(function, remedy)
         return
     definition = tree.body[0]
     if not isinstance(definition, ast.FunctionDef):
@@ -146,6 +149,41 @@ def _effects(function: FunctionType, remedy: str) -> Iterator[str]:
             root = _root(node)
             if root is not None and root not in own:
                 yield f"{at}: it changes {root} from outside, which would happen once; {remedy}"
+
+
+def _effects_in_code(function: FunctionType, remedy: str) -> Iterator[str]:
+    """Effects of a function without a text, as one typed at a prompt, by its instructions.
+
+    These do not tell whose entry is changed: nothing from outside that can be changed may stand beside such a change.
+    """
+    file, outside = function.__code__.co_filename, _names_of(function).items()
+    mutable = [name for name, value in outside if not callable(value) and not isinstance(value, _FIXED)]
+    for code in _codes_in(function.__code__):
+        before = ""
+        for each in dis.get_instructions(code):
+            at = f"{file}, line {each.positions.lineno if each.positions else code.co_firstlineno}"
+            if each.opname == "POP_TOP" and before.startswith("CALL"):
+                yield (
+                    f"{at}: it calls something and does not use the result: what it does beside its result would "
+                    "happen once; leave it out, or write it in a file"
+                )
+            elif each.opname in _OUTSIDE or (
+                each.opname == "STORE_DEREF" and each.argval in function.__code__.co_freevars
+            ):
+                yield f"{at}: it changes {each.argval}, which would happen once; {remedy}"
+            elif each.opname in _CHANGES and mutable:
+                yield (
+                    f"{at}: it changes something, and {mutable[0]} from outside may be that, which would happen once; "
+                    f"write it in a file, or {remedy}"
+                )
+            before = each.opname
+
+
+def _codes_in(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes_in(constant)
 
 
 def _root(node: ast.expr) -> str | None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from mrwork.base import recording as rec
+from mrwork.base.elementwise import ARITHMETIC, CONDITIONS, IN_WORDS, OF_TRUTHS, SCALARS
 from mrwork.base.recording import Cell, NotRecordedError, Recording, put
 
 Kind = Literal["truth", "whole", "number"]
@@ -78,76 +79,8 @@ def _each(scalar: Callable[..., Any], *of: Any) -> Any:
     return np.asarray(np.frompyfunc(scalar, len(of), 1)(*map(bare, of)), dtype=object)
 
 
-_ARITHMETIC: Final[dict[Any, Callable[..., Any]]] = {
-    np.add: lambda a, b: put("add", a, b),
-    np.subtract: lambda a, b: put("subtract", a, b),
-    np.multiply: lambda a, b: put("multiply", a, b),
-    np.negative: lambda a: put("negative", a),
-    np.positive: lambda a: a,
-    np.absolute: lambda a: put("absolute", a),
-    np.square: lambda a: put("multiply", a, a),
-    np.minimum: rec.smaller,
-    np.maximum: rec.larger,
-    np.fmin: lambda a, b: rec.choose(rec.is_none(a), b, rec.choose(rec.is_none(b), a, rec.smaller(a, b))),
-    np.fmax: lambda a, b: rec.choose(rec.is_none(a), b, rec.choose(rec.is_none(b), a, rec.larger(a, b))),
-    np.sign: rec.sign,
-}
-"""Functions that make whole numbers of whole numbers."""
-_OF_NUMBERS: Final[dict[Any, Callable[..., Any]]] = {
-    np.divide: lambda a, b: put("divide", a, b),
-    np.reciprocal: lambda a: put("divide", 1.0, a),
-    np.fabs: lambda a: put("absolute", a),
-    np.sqrt: lambda a: put("sqrt", a),
-    np.copysign: lambda a, b: put("copysign", a, b),
-    np.rint: lambda a: put("rint", a),
-    np.floor: rec.floor,
-    np.ceil: rec.ceil,
-    np.trunc: rec.trunc,
-    np.heaviside: rec.heaviside,
-    np.exp: lambda a: put("exp", a),
-    np.log: lambda a: put("log", a),
-    np.log2: lambda a: put("divide", put("log", a), math.log(2.0)),
-    np.log10: lambda a: put("divide", put("log", a), math.log(10.0)),
-    np.tanh: lambda a: put("tanh", a),
-    np.power: rec.power,
-    np.float_power: rec.power,
-    np.hypot: rec.hypot,
-    np.deg2rad: lambda a: put("multiply", a, math.pi / 180.0),
-    np.rad2deg: lambda a: put("multiply", a, 180.0 / math.pi),
-}
-_CONDITIONS: Final[dict[Any, Callable[..., Any]]] = {
-    np.less: rec.less,
-    np.greater: lambda a, b: rec.less(b, a),
-    np.less_equal: rec.at_most,
-    np.greater_equal: lambda a, b: rec.at_most(b, a),
-    np.equal: lambda a, b: put("equal", a, b),
-    np.not_equal: lambda a, b: rec.negation(put("equal", a, b)),
-    np.logical_and: rec.both,
-    np.logical_or: rec.either,
-    np.logical_xor: lambda a, b: rec.negation(put("equal", rec.truth(a), rec.truth(b))),
-    np.logical_not: lambda a: rec.negation(rec.truth(a)),
-    np.isfinite: rec.is_finite,
-    np.isnan: rec.is_none,
-    np.isinf: lambda a: put("equal", put("absolute", a), math.inf),
-}
-_OF_TRUTHS: Final = {
-    np.add: np.logical_or,
-    np.multiply: np.logical_and,
-    np.bitwise_or: np.logical_or,
-    np.bitwise_and: np.logical_and,
-    np.bitwise_xor: np.logical_xor,
-    np.invert: np.logical_not,
-}
-"""Functions that are others where all they take are truths."""
-_SCALARS: Final = _ARITHMETIC | _OF_NUMBERS | _CONDITIONS
-_IN_WORDS = (
-    "+ - * / ** @, comparisons, & | ~ of conditions, np.where, np.minimum, np.maximum, np.clip, np.sign, np.sqrt, "
-    "np.exp, np.log, np.tanh, np.rint, np.floor, np.interp, sums and means"
-)
-
-
 def _refuse(name: str) -> NotRecordedError:
-    return NotRecordedError(f"np.{name} is none of the operations of the core, which are {_IN_WORDS}")
+    return NotRecordedError(f"np.{name} is none of the operations of the core, which are {IN_WORDS}")
 
 
 class Traced(NDArrayOperatorsMixin):
@@ -187,7 +120,7 @@ class Traced(NDArrayOperatorsMixin):
             found = Traced(_product(*of))
         elif method == "__call__":
             found = _called(function, of, kinds)
-        elif method in ("reduce", "accumulate", "outer") and function in _SCALARS:
+        elif method in ("reduce", "accumulate", "outer") and function in SCALARS:
             of = (wrap(_each(rec.truth, of[0]), "truth"), *of[1:]) if function in _OF_TRUTH else of
             cells = _folded(
                 function, method, *map(bare, of), axis=more.get("axis", 0), keepdims=more.get("keepdims")
@@ -361,18 +294,18 @@ class Traced(NDArrayOperatorsMixin):
 
 def _called(function: Any, of: Sequence[Any], kinds: Sequence[Kind]) -> Traced:
     if all(kind == "truth" for kind in kinds):
-        function = _OF_TRUTHS.get(function, function)
+        function = OF_TRUTHS.get(function, function)
         if function in (np.subtract, np.negative):
             raise NotRecordedError(f"np.{function.__name__} takes no conditions; write np.logical_not or ~")
-    if function not in _SCALARS:
+    if function not in SCALARS:
         raise _refuse(function.__name__)
-    return wrap(_each(_SCALARS[function], *of), _result(function, kinds))
+    return wrap(_each(SCALARS[function], *of), _result(function, kinds))
 
 
 def _result(function: Any, kinds: Sequence[Kind]) -> Kind:
-    if function in _CONDITIONS or (function in (np.minimum, np.maximum) and {*kinds} == {"truth"}):
+    if function in CONDITIONS or (function in (np.minimum, np.maximum) and {*kinds} == {"truth"}):
         return "truth"
-    return "whole" if function in _ARITHMETIC and "number" not in kinds else "number"
+    return "whole" if function in ARITHMETIC and "number" not in kinds else "number"
 
 
 def _reduced(function: Any, a: Any, axis: Any = None, keepdims: Any = False) -> Any:
@@ -385,7 +318,7 @@ _OF_TRUTH: Final = (np.logical_and, np.logical_or)
 
 def _folded(function: Any, method: str, *of: Any, axis: Any, keepdims: Any) -> Any:
     """Numbers along an axis in one, or all in one without an axis."""
-    general = np.frompyfunc(_SCALARS[function], function.nin, 1)
+    general = np.frompyfunc(SCALARS[function], function.nin, 1)
     if method == "outer":
         return general.outer(*of)
     cells = of[0]

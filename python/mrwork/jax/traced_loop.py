@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -16,18 +16,22 @@ from jax import Array
 from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.hints import Within
+from mrwork.base.recording import NotRecordedError
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.buildings.device import Device
 from mrwork.buildings.plane_building import Building
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.laws_of_users import loop_shape
+from mrwork.closed_loop.recorded_law import record_law
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.laws.own_formula import OwnFormula
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.twins.loop_ground import stage_values
-from mrwork.twins.loop_laws import LAWS
+from mrwork.twins.loop_ground import at_samples, stage_values
+from mrwork.twins.loop_laws import LAWS, Gains, Measurement
 from mrwork.twins.loop_twin import (
     MATRICES,
     STRETCH,
@@ -41,6 +45,7 @@ from mrwork.twins.loop_twin import (
     with_theta,
 )
 from mrwork.twins.model_twins import on_processor
+from mrwork.twins.tape_twin import TapeLaw
 
 _PRESCRIBED = ""
 # What a step of a sample may be multiplied by, as the core does.
@@ -97,6 +102,8 @@ class Loop(Summarised):
     steps: int
     time: Floats
     law: str
+    own: TapeLaw | None
+    memory: Floats
     dt: float
     hardware: Hardware
     matrices: dict[str, Floats]
@@ -115,6 +122,13 @@ class Loop(Summarised):
             ground = stage_values(
                 inputs.acceleration, self.dt, hardware.sample_time / steps, n_samples * steps
             )
+            sensed = at_samples(
+                inputs.acceleration,
+                self.dt,
+                hardware.sample_time,
+                hardware.sample_time / hardware.steps,
+                n_samples,
+            )
             commands = inputs.commands
             if commands is not None:
                 sent = jnp.asarray(commands)[:n_samples]
@@ -131,7 +145,9 @@ class Loop(Summarised):
                 self.shaping,
                 hardware.sample_time,
                 n_samples,
-                law=self.law,
+                self.memory,
+                jnp.pad(sensed, ((0, n_kept - n_samples), (0, 0))),
+                law=self.law if self.own is None else self.own,
                 steps=steps,
                 n_kept=n_kept,
                 delay=delay,
@@ -173,8 +189,10 @@ def _simulate(
     shaping: tuple[float, float],
     sample_time: float,
     n_samples: int,
+    memory: Array,
+    sensed: Array,
     *,
-    law: str,
+    law: str | TapeLaw,
     steps: int,
     n_kept: int,
     delay: int,
@@ -186,18 +204,28 @@ def _simulate(
         plant=LoopPlant.of(plant | matrices),
         devices=with_theta(devices, inputs.theta),
         believed=believed,
-        law=partial(LAWS[law], inputs.gains),
+        law=partial(_of_registry, LAWS[law], inputs.gains)
+        if isinstance(law, str)
+        else partial(law, inputs.gains),
+        memory=memory,
         largest=largest,
         dead_zone=shaping[0],
         furthest=shaping[1],
         delay=delay,
         sample_time=sample_time,
         ground=inputs.acceleration,
+        sensed=sensed,
     )
     depth = 1 + -(-delay // steps)
     return simulate_run(
         run, n_samples, steps, n_kept=n_kept, depth=depth, prescribed=inputs.commands, histories=histories
     )
+
+
+def _of_registry(
+    law: Callable[[Gains, Measurement], Array], gains: Gains, measured: Measurement, memory: Array
+) -> tuple[Array, Array]:
+    return law(gains, measured), memory
 
 
 @checked
@@ -225,8 +253,8 @@ def loop(
         Dampers of the package or of the user, each of a model of its own. Of draws the first counts.
     law
         A law with one candidate: passive, clipped_optimal, modified_clipped_optimal, lyapunov, proportional_direct or
-        signal_network; or commands at the control samples, shape (n_samples, n_devices) [A or V], of which the last
-        is held until the end.
+        signal_network; a law of the user, see `mrwork.own_law`, whose settings are its numbers; or commands at the
+        control samples, shape (n_samples, n_devices) [A or V], of which the last is held until the end.
     motion
         Its acceleration is an input; its step is not.
     hardware
@@ -263,6 +291,7 @@ def loop(
     """
     hardware = Hardware() if hardware is None else hardware
     name = law.name if isinstance(law, ControlLaw) else _PRESCRIBED
+    formula = law.spec.own if isinstance(law, ControlLaw) else None
     if not devices:
         raise SettingError("the loop in JAX has at least one device; give one")
     if held := [device.name for device in devices if device.command is not None]:
@@ -270,7 +299,7 @@ def loop(
             f"the loop in JAX sends its own commands to {list_names(held)}; leave out the `command` of the device, and "
             "give a table of commands for all"
         )
-    if lacking := _lacking(building, hardware, name, motion):
+    if lacking := _lacking(building, hardware, "" if formula else name, motion):
         raise SettingError(
             f"the loop in JAX cannot have {', or '.join(lacking)}; simulate it by mr.simulate_loop"
         )
@@ -278,6 +307,7 @@ def loop(
     largest = np.array([device.largest_command for device in devices])
     loop_devices = tuple(LoopDevice.of(device) for device in devices)
     gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
+    own, memory = None, np.zeros(0)
     if isinstance(law, ControlLaw):
         widths = len(devices), 2 * building.n_coordinates
         if len(law.gain_rows(*widths)) != 1:
@@ -288,6 +318,8 @@ def loop(
         }
         believed = believed_devices(loop_devices, law.curve)
         shaping = law.shaping or shaping
+        if formula is not None:
+            own, memory = _on_tape(formula, law, building, devices, hardware)
     else:
         commands = law
         if law.ndim != 2 or not len(law) or law.shape[1] != len(devices):
@@ -312,6 +344,8 @@ def loop(
         steps=steps,
         time=hardware.sample_time * np.arange(n_samples + 1, dtype=np.float64),
         law=name,
+        own=own,
+        memory=memory,
         dt=motion.dt,
         hardware=hardware,
         matrices=matrices,
@@ -319,6 +353,28 @@ def loop(
         believed=believed,
         largest=largest,
         shaping=(shaping[0], min(shaping[1], hardware.command_rate) * hardware.sample_time),
+    )
+
+
+def _on_tape(
+    formula: OwnFormula, law: ControlLaw, building: Building, devices: Sequence[Device], hardware: Hardware
+) -> tuple[TapeLaw, Floats]:
+    """A law of the user, and its memory at the start."""
+    settings = law.gain_rows(len(devices), 2 * building.n_coordinates)
+    try:
+        recorded, _ = record_law(formula, loop_shape(building, devices, hardware), settings)
+    except NotRecordedError as reason:
+        raise SettingError(
+            f"{formula.name} cannot be recorded, as the loop in JAX needs it: {reason}"
+        ) from None
+    return (
+        TapeLaw(
+            tape=recorded.tape,
+            inputs=tuple((name, place) for name, place, _ in recorded.inputs),
+            settings=tuple(gain.name for gain in law.spec.gains),
+            storeys=tuple(hardware.measured_storeys),
+        ),
+        np.array(recorded.start),
     )
 
 

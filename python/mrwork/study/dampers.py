@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -29,7 +30,15 @@ from mrwork.dampers.dependence import MOST_DEGREE, Dependence, dependence_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError, MrworkWarning, SettingError
+from mrwork.store.codec import built
+from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.schema import DamperTable, StudyTable
+
+_MODEL = FileKind(
+    name="a damper model",
+    largest=16 << 20,
+    remedy="give a file that to_toml of a study has written",
+)
 
 Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
@@ -60,7 +69,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
             )
     else:
         source = "parameters of the study"
-    known_spec = _model(table.model) if known is None else known.spec
+    known_spec = known.spec if known is not None else _model_of(table, folder)
     plain, unit = known_spec.without_laws, known_spec.command_unit or table.unit or "A"
     laws, values, lag = _parameters(table, known_spec, () if known is None else known.theta)
     if missing := [name for name in plain.names if name not in values]:
@@ -130,6 +139,25 @@ def _model(name: str | DamperSpec | None, key: str = "model") -> DamperSpec:
         return name.without_laws
     with keyed(key):
         return damper(name or "")
+
+
+def _model_of(table: DamperTable, folder: Path) -> DamperSpec:
+    """The model of a table; that of a file is formulas, and nothing in it is run."""
+    if table.model_file is None:
+        return _model(table.model)
+    with keyed("model_file"):
+        text = text_of(folder / table.model_file, _MODEL)
+        try:
+            spec: DamperSpec = built(DamperSpec, json.loads(text))
+            fault = spec.disagreement()
+        except (ValueError, TypeError, KeyError, AttributeError, StopIteration, RecursionError) as error:
+            raise SettingError(f"{table.model_file} is no damper model: {error}; {_MODEL.remedy}") from None
+        if fault or spec.own is None:
+            raise SettingError(
+                f"{table.model_file} is no damper of a user{fault and f': it {fault}'}; {_MODEL.remedy}"
+            )
+        spec.core_name  # noqa: B018 # refuses a damaged formula
+    return spec
 
 
 def _preset(table: DamperTable, name: str) -> Preset:

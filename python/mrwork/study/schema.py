@@ -297,6 +297,9 @@ class DamperTable(CheckedTable):
     model: str | DamperSpec | None = optional(
         "model of the parameters, or of the preset if two models have one of that name"
     )
+    model_file: str | None = optional(
+        "file of a model of your own, which to_toml of a study writes, in place of the model", file=True
+    )
     parameters: Mapping[str, float | tuple[float, ...]] | None = optional(
         "parameters, or changes to a preset or run: a number, or the coefficients of its law"
     )
@@ -373,7 +376,9 @@ class DamperTable(CheckedTable):
             yield "model", "ideal_actuator is no damper; give actuator = true in place of the model"
         if self.preset is not None and self.run is not None:
             yield (), "[[damper]] has a preset and a run; give one of them"
-        if self.preset is None and self.run is None and self.model is None:
+        if self.model_file is not None and (self.preset or self.run or self.model) is not None:
+            yield "model_file", "model_file has the model of the parameters; leave preset, run and model out"
+        if (self.preset or self.run or self.model or self.model_file) is None:
             yield (), "[[damper]] names no damper; give a preset, a run, or a model with parameters"
         if self.run is not None and self.model is not None:
             yield "model", "the run has its own model; leave model out"

@@ -21,8 +21,9 @@ from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec
 from mrwork.control.laws.own_formula import OwnFormula
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import OutputError, SettingError
+from mrwork.errors import OutputError
 from mrwork.motions import GroundMotion
+from mrwork.store.codec import json_document
 from mrwork.store.input_file import exists
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
@@ -109,11 +110,13 @@ def _written(value: Any, keys: tuple[str, ...], put: _Put) -> Any:
             return {"file": put(f"{name}.py", {"": text.encode()}), **given}
         case {"run": FittedDamper() as fit, **given}:
             return {"run": put(name, fit.files()), **given}
-        case {"model": DamperSpec() as model}:
-            raise SettingError(
-                f"{' '.join(keys)} is the model {model.name} of its user with parameters, which no file holds; give a "
-                "fit of it, or its run folder"
-            )
+        case {"model": DamperSpec() as model, **given}:
+            # Formulas, which are data: reading them runs nothing.
+            content = json_document(model.without_laws).encode()
+            return {
+                "model_file": put(f"{name}_{model.name}.json", {"": content}),
+                **_written(given, keys, put),
+            }
         case dict():
             return {key: _written(item, (*keys, key), put) for key, item in value.items()}
         case list():

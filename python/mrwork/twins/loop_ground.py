@@ -38,6 +38,28 @@ def stage_values(acceleration: Any, dt: float, step: float, n_steps: int) -> Any
     return module.stack([mean - half, mean, mean + half], axis=1)
 
 
+def at_samples(acceleration: Any, dt: float, sample_time: float, step: float, n_samples: int) -> Any:
+    """Acceleration of the ground, as its sensor reads it, and velocity, at samples and the end, (n_samples + 1, 3).
+
+    A sensor reads of a record finer than the `step` of the hardware the mean over the step before.
+    """
+    module: Any = jnp if isinstance(acceleration, Array) else np
+    time, last = sample_time * np.arange(n_samples + 1), acceleration.size - 1
+    pairs = acceleration[1:] + acceleration[:-1]
+    summed = module.concatenate([np.zeros(1), module.cumsum(0.5 * dt * pairs)])
+
+    def velocity(at: Any) -> Any:
+        place = at / dt
+        index = np.minimum(place.astype(int), last)
+        share = np.where(index < last, place - index, 0.0)
+        start, end = acceleration[index], acceleration[np.minimum(index + 1, last)]
+        return summed[index] + 0.5 * dt * share * (2.0 * start + share * (end - start))
+
+    now, record = velocity(time), half_steps(acceleration, dt, 2.0 * sample_time, n_samples)[: n_samples + 1]
+    reading = (now - velocity(np.maximum(time - step, 0.0))) / step if dt < _FINER * step else record
+    return module.stack([record, reading, now], axis=1)
+
+
 def half_steps(acceleration: Any, dt: float, step: float, n_steps: int) -> Any:
     """Ground acceleration every half step, (2 n_steps + 1,) [m/s^2]: linear between samples, zero after the last."""
     module: Any = jnp if isinstance(acceleration, Array) else np

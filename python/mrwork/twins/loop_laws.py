@@ -20,7 +20,8 @@ class Measurement:
     """Measurements for a law at a control sample: one entry per device, and the state s, shape (2n,).
 
     The elongation of a device [m], its rate [m/s], its force [N], the forces at other coil currents, and the commands
-    of the sample where they are prescribed.
+    of the sample where they are prescribed. Absolute accelerations of the floors [m/s^2], (n_floors,), drifts of the
+    storeys [m], (n_storeys,), acceleration [m/s^2] and velocity [m/s] of the ground, and the time [s].
     """
 
     state: Array
@@ -30,6 +31,11 @@ class Measurement:
     force_at: Callable[[Array], Array]
     largest: Array
     prescribed: Array | None
+    acceleration: Array
+    drift: Array
+    ground_acceleration: Array
+    ground_velocity: Array
+    time: Array
 
     def slope(self) -> Array:
         """G of f(i) = F0 + G i + H i^2 through the forces at 0, half and the largest command, shape (n_devices,)."""

@@ -193,25 +193,31 @@ class Reductions(NamedTuple):
 
 
 class LoopCarry(NamedTuple):
-    """State of a loop between samples: its motion, commands at the coils, and earlier commands, newest first."""
+    """State of a loop between samples: motion, commands at the coils, earlier ones, newest first, what a law keeps."""
 
     motion: LoopState
     received: Array
     commands: Array
+    memory: Array
     kept: Reductions
 
 
 class AtSample(NamedTuple):
-    """A control sample: its number, the ground at start, middle and end of its steps, and commands if prescribed."""
+    """A control sample: its number, the ground at start, middle and end of its steps, and commands if prescribed.
+
+    Of the ground also the acceleration by the record, as a law reads it [m/s^2], and the velocity [m/s], (3,).
+    """
 
     number: Array
     ground: Array | None
     prescribed: Array | None
+    sensed: Array
 
 
 class LoopRun(NamedTuple):
     """A run: building, devices with those that the law believes in, its numbers, and the timing of the loop.
 
+    `law` returns commands and what it keeps, of what is measured and what it keeps, which is `memory` at the start.
     `largest` are the largest commands. `dead_zone` is the damper velocity [m/s] below which the command is zero,
     `furthest` the largest change of the command from sample to sample, `delay` the delay of the command in integration
     steps. `ground` has the acceleration at start, middle and end of each step [m/s^2], shape (3 n_steps,), padded.
@@ -220,13 +226,16 @@ class LoopRun(NamedTuple):
     plant: LoopPlant
     devices: Devices
     believed: Devices | None
-    law: Callable[[Measurement], Array]
+    law: Callable[[Measurement, Array], tuple[Array, Array]]
+    memory: Array
     largest: Array
     dead_zone: Array | float
     furthest: Array | float
     delay: Array | int
     sample_time: Array | float
     ground: Array
+    # At control samples and the end: by the record, as its sensor reads it, and its velocity, shape (n_kept + 1, 3).
+    sensed: Array
 
 
 class LoopResult(NamedTuple):
@@ -266,10 +275,10 @@ def simulate_run(
 
     samples = jax.tree.map(
         lambda array: array.reshape(-1, STRETCH, *array.shape[1:]),
-        AtSample(jnp.arange(n_kept), ground, prescribed),
+        AtSample(jnp.arange(n_kept), ground, prescribed, run.sensed[:-1]),
     )
     last, rows = lax.scan(stretch, loop.start(depth), samples)
-    return loop.result(last, rows.reshape(n_kept, -1), n_samples * steps)
+    return loop.result(last, rows.reshape(n_kept, -1), n_samples)
 
 
 class _Loop:
@@ -295,7 +304,7 @@ class _Loop:
             imbalance=zero,
             turnover=zero,
         )
-        return LoopCarry(motion, still, jnp.zeros((depth, len(still))), reductions)
+        return LoopCarry(motion, still, jnp.zeros((depth, len(still))), self.run.memory, reductions)
 
     def sample(self, carry: LoopCarry, at: AtSample) -> tuple[LoopCarry, Array]:
         """A control sample: the balance of the energies, the command, and the steps until the next one."""
@@ -309,6 +318,9 @@ class _Loop:
                 return self.forces(run.devices, motion.states, currents, x, v)
             return self.forces(run.believed, [device.at_rest for device in run.believed], currents, x, v)
 
+        # The ground of this sample alone has a derivative that is cheap.
+        ground, offset = (run.ground, 3 * at.number * self.steps) if at.ground is None else (at.ground, 0)
+        accelerations = self.stage(motion, carry.received, ground[offset]).rate.v
         measured = Measurement(
             state=jnp.concatenate([motion.q, motion.v]),
             deformation=x,
@@ -317,8 +329,13 @@ class _Loop:
             force_at=force_at,
             largest=run.largest,
             prescribed=at.prescribed,
+            acceleration=times(run.plant.floors, accelerations) + ground[offset],
+            drift=times(run.plant.storeys, motion.q),
+            ground_acceleration=at.sensed[1],
+            ground_velocity=at.sensed[2],
+            time=run.sample_time * at.number,
         )
-        raw = run.law(measured)
+        raw, memory = run.law(measured, carry.memory)
         command = jnp.clip(jnp.where(jnp.isnan(raw), 0.0, raw), 0.0, run.largest)
         command = jnp.where(jnp.abs(v) < run.dead_zone, 0.0, command)
         before = carry.commands[0]
@@ -329,17 +346,15 @@ class _Loop:
         received = jnp.where(first, command, carry.received)
         current = jnp.where(self.lagged, received, commands[self.age(0)])
         reductions = reductions._replace(command=reductions.command.with_sample(command, run.largest, first))
-        # The ground of this sample alone has a derivative that is cheap.
-        ground, offset = (run.ground, 3 * at.number * self.steps) if at.ground is None else (at.ground, 0)
-        row = self.row(motion, current, command, ground[offset])
-        start = LoopCarry(motion, received, commands, reductions)
+        row = self.row(motion, current, command, ground[offset], at.sensed[0])
+        start = LoopCarry(motion, received, commands, memory, reductions)
         after: LoopCarry = lax.fori_loop(0, self.steps, partial(self.integrate, ground, offset), start)
         return after, row
 
     def skip(self, carry: LoopCarry, at: AtSample) -> tuple[LoopCarry, Array]:
         """A sample beyond the last."""
         still = jnp.zeros(len(self.run.devices))
-        return carry, jnp.zeros_like(self.row(carry.motion, still, still, jnp.float64(0.0)))
+        return carry, jnp.zeros_like(self.row(carry.motion, still, still, jnp.float64(0.0), jnp.float64(0.0)))
 
     def age(self, j: Array | int) -> Array:
         """Age, in control samples, of the command that a step of a sample receives."""
@@ -375,7 +390,7 @@ class _Loop:
             squares=kept.squares + signal * signal,
             current_sum=kept.current_sum + current,
         )
-        return LoopCarry(after, end, carry.commands, reductions)
+        return LoopCarry(after, end, carry.commands, carry.memory, reductions)
 
     def stage(self, at: LoopState, currents: Array, a_g: Array) -> Stage:
         """Equation of motion under coil currents."""
@@ -432,13 +447,13 @@ class _Loop:
         }
         return signals, jnp.concatenate(list(signals.values()))
 
-    def row(self, motion: LoopState, current: Array, command: Array, a_g: Array) -> Array:
+    def row(self, motion: LoopState, current: Array, command: Array, a_g: Array, record: Array) -> Array:
         """A row of the history, in the order of `_rust.history_signals`; empty where none is kept."""
         if not self.histories:
             return jnp.zeros(0)
         signals, _ = self.signals(motion, self.stage(motion, current, a_g), current, a_g)
         row = signals | {
-            "ground_acceleration": a_g[None],
+            "ground_acceleration": record[None],
             "state": jnp.concatenate([motion.q, motion.v]),
             "deformation": signals["stroke"],
             "command": command,
@@ -465,8 +480,9 @@ class _Loop:
         plant, q, v = self.run.plant, motion.q, motion.v
         return 0.5 * times(v, times(plant.mass, v)), 0.5 * times(q, times(plant.stiffness, q))
 
-    def result(self, last: LoopCarry, rows: Array, n_steps: Array | int) -> LoopResult:
+    def result(self, last: LoopCarry, rows: Array, n_samples: Array | int) -> LoopResult:
         """Quantities in SI with the names of the core, a number for each floor, storey or device, and the history."""
+        n_steps = n_samples * self.steps
         motion, current, a_g = last.motion, last.received, self.run.ground[3 * n_steps - 1]
         reductions, energies, duration = self.balanced(motion, last.kept), motion.energies, n_steps * self.h
         named, at_end = self.signals(motion, self.stage(motion, current, a_g), current, a_g)
@@ -501,7 +517,7 @@ class _Loop:
             numbers={name: numbers[name] for name, *_ in _rust.run_quantities()},
             rows=rows,
             # No sample follows: the last command is still held.
-            end=self.row(motion, current, last.commands[0], a_g),
+            end=self.row(motion, current, last.commands[0], a_g, self.run.sensed[n_samples][0]),
         )
 
 

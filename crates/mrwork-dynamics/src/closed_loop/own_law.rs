@@ -52,7 +52,7 @@ pub struct OwnLaw {
     pub inputs: Vec<Input>,
     /// What it keeps, at the start.
     pub start: Vec<f64>,
-    /// Names of its settings.
+    /// Entries of its settings, as `gain[0]`.
     pub names: Vec<String>,
     /// Settings of each candidate, shape (candidates, settings).
     pub settings: Vec<f64>,

@@ -120,7 +120,7 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
     controller.memory.each(&mut keep);
     if let Some(own) = &mut controller.own {
         own.each(&mut keep);
-        own.set(|name| formula.input(format!("gains->{name}[0]")));
+        own.set(|name| formula.input(format!("gains->{name}")));
     }
     controller.columns = (batch.law.spec().gains.iter())
         .flat_map(|gain| formula.inputs(&format!("gains->{}", gain.name), gain.shape.size(batch.sizes())))

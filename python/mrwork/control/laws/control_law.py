@@ -35,7 +35,7 @@ Shape = Literal["device", "state", "numbers", "loop"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
-    """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or one for the loop.
+    """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or `numbers` for the loop.
 
     A gain that `is_command` is itself the command of each device; a gain that `scales_with_command` has the unit of the
     command, or that unit per another.
@@ -52,7 +52,7 @@ class GainSpec:
     def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
         if self.shape == "loop":
-            return (1,)
+            return (self.numbers,)
         if self.shape == "device":
             return (n_devices,)
         return (n_devices, n_states if self.shape == "state" else self.numbers)

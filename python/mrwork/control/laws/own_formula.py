@@ -26,7 +26,7 @@ class OwnFormula:
     start
         Memory at the start, shape (n_memory,).
     names
-        Names of the settings, in the order of the columns that it takes.
+        Entries of the settings in the order of the columns that it takes, as "gain[0]".
     rms_time
         Time constant of the running root mean squares of the readings [s], `None` for none.
     given

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,12 +18,12 @@ from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec, GainSpec
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.own_formula import OwnFormula, RowsCommand
-from mrwork.errors import SettingError
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.user_python import place_of, text_to_compare
 
-Given = tuple[str, float, float, float]
-"""Unit, lower bound, nominal value and upper bound of a setting."""
+Given = tuple[str, float, float | ArrayLike, float]
+"""Unit, lower bound, nominal value or values, and upper bound of a setting."""
 
 
 @checked
@@ -55,8 +55,8 @@ def own_law(
         they keep.
     settings
         Unit, lower bound, nominal value and upper bound of each setting, as ``{"gain": ("A s/m", 0.1, 6.0, 100.0)}``;
-        `settings.gain` is its value. `tune` searches within the bounds, on a logarithmic scale where the lower one is
-        positive.
+        `settings.gain` is its value. A setting whose nominal value is an array has that shape, and is a row of numbers
+        in gains and tables. `tune` searches within the bounds, on a logarithmic scale where the lower one is positive.
     name, title
         Name of the law, by default that of the function, and its name in tables.
     rms_time
@@ -95,12 +95,20 @@ def own_law(
     for each in (*kept, *declared):
         if not each.isidentifier():
             raise SettingError(f"{name} has a setting or memory {each!r}; give it a name of letters, as gain")
+    if taken := [each for each in declared if hasattr(_OwnSettings, each)]:
+        raise SettingError(
+            f"{taken[0]} is no name of a setting of {name}; give another one, as {taken[0]}_of_law"
+        )
     formula = OwnFormula(
         name=name,
         function=function,
-        rows=_Rows(kept, tuple(declared)),
+        rows=_Rows(kept, {each: np.shape(nominal) for each, (_, _, nominal, _) in declared.items()}),
         start=np.concatenate([np.zeros(0), *(start.ravel().astype(np.float64) for start in kept.values())]),
-        names=tuple(declared),
+        names=tuple(
+            f"{each}[{place}]"
+            for each, (_, _, nominal, _) in declared.items()
+            for place in range(np.size(nominal))
+        ),
         rms_time=rms_time,
         given=", ".join(
             f"{argument}={value!r}"
@@ -139,14 +147,18 @@ def _start_of(law: str, name: str, start: ArrayLike) -> NDArray[Any]:
 
 def _checked_setting(law: str, name: str, given: Sequence[Any]) -> Given:
     unit, lower, nominal, upper = given
+    numbers = np.asarray(nominal, dtype=np.float64)
     if not (isinstance(unit, str) and unit):
         raise SettingError(f"{name} of {law} has no unit; give one, as 1 for a number without")
-    if not (lower < upper and lower <= nominal <= upper and math.isfinite(lower) and math.isfinite(upper)):
+    within = numbers.size > 0 and bool(((lower <= numbers) & (numbers <= upper)).all())
+    if not (lower < upper and within and math.isfinite(lower) and math.isfinite(upper)):
+        outside = numbers[~((lower <= numbers) & (numbers <= upper))]
+        told = f"{outside[0]:g}" if outside.size else f"{numbers.ravel()[0]:g}" if numbers.size else "nothing"
         raise SettingError(
-            f"{name} of {law} is from {lower:g} to {upper:g} and nominally {nominal:g}; give a lower bound, a nominal "
+            f"{name} of {law} is from {lower:g} to {upper:g} and nominally {told}; give a lower bound, a nominal "
             "value and an upper bound that rise"
         )
-    return unit, float(lower), float(nominal), float(upper)
+    return unit, float(lower), numbers.tolist(), float(upper)
 
 
 def _registered(formula: OwnFormula, name: str, title: str, declared: Mapping[str, Given]) -> ControlLaw:
@@ -167,10 +179,10 @@ def _registered(formula: OwnFormula, name: str, title: str, declared: Mapping[st
                     is_command=False,
                     scales_with_command=False,
                     shape="loop",
-                    numbers=1,
+                    numbers=np.size(nominal),
                     description=f"setting of {title}, from {lower:g} to {upper:g}",
                 )
-                for each, (unit, lower, _, upper) in declared.items()
+                for each, (unit, lower, nominal, upper) in declared.items()
             ),
             tables=(),
             needs_curve=False,
@@ -184,7 +196,9 @@ def _registered(formula: OwnFormula, name: str, title: str, declared: Mapping[st
         )
     )
     SETTINGS[name] = _settings_class(title, declared)
-    return ControlLaw(name=name, gains={each: [nominal] for each, (_, _, nominal, _) in declared.items()})
+    return ControlLaw(
+        name=name, gains={each: np.ravel(nominal).tolist() for each, (_, _, nominal, _) in declared.items()}
+    )
 
 
 def own_law_of_rows(formula: OwnFormula, source: str) -> ControlLaw:
@@ -194,31 +208,48 @@ def own_law_of_rows(formula: OwnFormula, source: str) -> ControlLaw:
 
 
 class _OwnSettings(LawSettings):
-    """Settings of a law of the user: each is a gain of the loop."""
+    """Settings of a law of the user: each is a gain of the loop, with as many numbers as its nominal value."""
 
     __slots__ = ()
+    sizes: ClassVar[Mapping[str, int]] = {}
 
     def design(self, problem: DesignProblem) -> Design:
         """The settings as they are."""
-        names = type(self).__annotations__
-        return Design(gains={name: np.array([float(getattr(self, name))]) for name in names})
+        gains = {
+            name: np.ravel(getattr(self, name)).astype(np.float64) for name in type(self).__annotations__
+        }
+        for name, numbers in gains.items():
+            if len(numbers) != type(self).sizes[name]:
+                raise InvalidSettingError(
+                    name, f"{name} has {len(numbers)} numbers; give {type(self).sizes[name]}"
+                )
+        return Design(gains=gains)
 
 
 def _settings_class(title: str, declared: Mapping[str, Given]) -> type[LawSettings]:
-    fields = {
-        name: key(
+    fields, kinds = {}, {}
+    for name, (unit, lower, nominal, upper) in declared.items():
+        entries = (*np.ravel(nominal).tolist(),)
+        is_array = np.ndim(nominal) > 0
+        kinds[name] = tuple[float, ...] if is_array else float
+        fields[name] = key(
             f"setting of {title}",
             unit="" if unit == "1" else unit,
             least=lower,
             most=upper,
-            default=nominal,
-            span=Span(lower=lower, upper=upper, start=nominal, scale="log" if lower > 0.0 else "linear"),
+            default=entries if is_array else entries[0],
+            span=Span(
+                lower=lower,
+                upper=upper,
+                start=None if is_array else entries[0],
+                scale="log" if lower > 0.0 else "linear",
+                entries=entries if is_array else (),
+            ),
         )
-        for name, (unit, lower, nominal, upper) in declared.items()
-    }
     namespace = {
-        "__annotations__": dict.fromkeys(fields, float),
+        "__annotations__": kinds,
         "__doc__": f"{title}, a law of the user.",
+        "sizes": {name: np.size(nominal) for name, (_, _, nominal, _) in declared.items()},
         **fields,
     }
     made: type[LawSettings] = checked(type("OwnSettings", (_OwnSettings,), namespace))
@@ -230,7 +261,7 @@ class _Rows:
     """Makes of a law for one run one for rows of runs."""
 
     kept: Mapping[str, NDArray[Any]]
-    names: tuple[str, ...]
+    shapes: Mapping[str, tuple[int, ...]]
 
     def __call__(self, function: Callable[..., Any]) -> RowsCommand:
         """The law for rows."""
@@ -239,13 +270,20 @@ class _Rows:
             rows = []
             for run in range(len(memory)):
                 kept = SimpleNamespace(**dict(self._unpacked(memory[run])))
-                own = SimpleNamespace(**{name: settings[run, k] for k, name in enumerate(self.names)})
+                own = SimpleNamespace(**dict(self._named(settings[run])))
                 sent = function(_OneRun(sample, run), kept, own)
                 self._pack(memory, run, kept)
                 rows.append(np.reshape(sent, (-1,)) if np.ndim(sent) == 0 else sent)
             return np.stack(rows)
 
         return command
+
+    def _named(self, settings: Any) -> Iterator[tuple[str, Any]]:
+        place = 0
+        for name, shape in self.shapes.items():
+            count = math.prod(shape)
+            yield name, settings[place : place + count].reshape(shape) if shape else settings[place]
+            place += count
 
     def _unpacked(self, numbers: Any) -> Iterator[tuple[str, Any]]:
         place = 0

@@ -8,8 +8,8 @@ import pytest
 
 import mrwork as mr
 
-# Tolerance for some thousand steps with other roundings.
-AGREEMENT = 1e-9
+# Tolerance for some thousand steps with other roundings of exp, tanh and powers.
+AGREEMENT = 1e-12
 LAG = 190.0
 FRAME = mr.buildings.shear_building(
     name="frame", masses=[22.7, 22.7], stiffnesses=[29.7e3, 29.7e3], heights=[3.0, 2.5]
@@ -141,7 +141,7 @@ def test_slopes_of_a_score_are_those_of_the_model() -> None:
     for own, core in zip(*slopes, strict=True):
         for name, values in core.items():
             least = 1e-12 if name == "energy_error" else 0.0
-            np.testing.assert_allclose(own[name], values, rtol=1e-8, atol=least, err_msg=name)
+            np.testing.assert_allclose(own[name], values, rtol=AGREEMENT, atol=least, err_msg=name)
 
 
 NOISY = mr.Hardware(sample_time=1e-3, feedback="observer", acceleration_noise=0.02, force_noise=2.0)
@@ -156,7 +156,7 @@ MANY_LAWS = {
 
 
 @pytest.mark.parametrize("law", MANY_LAWS.values(), ids=MANY_LAWS)
-def test_laws_that_jax_has_not_with_an_observer_and_noise(law: mr.ControlLaw) -> None:
+def test_laws_with_an_observer_and_noise(law: mr.ControlLaw) -> None:
     runs = [
         mr.simulate_loop(
             FRAME, [device(plain.with_current_laws(STATIC_LAWS), STATIC_THETA)], law, MOTIONS[:1], NOISY
