@@ -13,7 +13,7 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.printed_loop import PrintedLoop
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, rows_of, within_comment
+from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, rows_of, status_of, within_comment
 
 _SAMPLES = 1000
 # Readings that a controller may have: unit, size in the check, largest that is believed, and words.
@@ -101,9 +101,17 @@ def controller_source(
         "limit_fields": "\n".join(f"    {real} {signal};  /* [{_SIGNALS[signal][0]}] */" for signal in read)
         or f"    {real} none;",
         "limits": ", ".join(flavour.number(_SIGNALS[signal][2]) for signal in read) or flavour.number(0.0),
-        "believed": "".join(
-            f"    believe(m, input->{signal}, m->before.{signal}, {count}, m->limits.{signal});\n"
-            for signal, count in read.items()
+        "believed": "".join(_believed(name, read)),
+        "n_ages": max(sum(read.values()), 1),
+        "status": status_of(
+            name.upper(), [*read], "rate_limited", "state_healed", "sample_missed", "parameters_refused"
+        ),
+        "bridged": "the observer go on" if rollout else "law and observer go on",
+        "bridge": "".join(
+            [
+                "" if rollout else "    send(m, gains, &m->before);\n",
+                "" if observer is None else "    estimate(m, &m->before);\n",
+            ]
         ),
         "furthest": flavour.number(text["furthest"]),
         "command": text["command"],
@@ -111,7 +119,9 @@ def controller_source(
             f"static const {real} table_{number}[{len(table)}] = {{{', '.join(map(flavour.number, table))}}};"
             for number, table in enumerate(text["tables"])
         ),
-        **dict.fromkeys(("observer", "estimate", "rollout", "plan", "plan_types"), ""),
+        **dict.fromkeys(
+            ("observer", "estimate", "rollout", "plan", "plan_types", "plan_is_sound", "plan_anew"), ""
+        ),
         **flavour.preamble(calls=text["calls"]),
     }
     if observer is not None:
@@ -142,6 +152,15 @@ def controller_source(
         substeps=1,
         notes=notes,
     )
+
+
+def _believed(name: str, read: dict[str, int]) -> Iterator[str]:
+    first = 0
+    for signal, count in read.items():
+        bit = f"{name.upper()}_{signal.upper()}_REPLACED"
+        arguments = f"{bit}, {first}, input->{signal}, m->before.{signal}, {count}, m->limits.{signal}"
+        yield f"    believe(m, {arguments});\n"
+        first += count
 
 
 def _inputs(read: dict[str, int], places: dict[str, Sequence[str]]) -> Iterator[Signal]:
@@ -277,6 +296,10 @@ def _rollout(
         "rollout": flavour.fill("rollout.c", **words),
         "plan_types": flavour.fill("rollout.h", **words),
         "plan": f"    {name}_plan plan;\n",
+        # A moment is made of numbers.
+        "plan_is_sound": " &&\n        "
+        f"are_finite((const {real} *)&m->plan.now, sizeof m->plan.now / sizeof({real}))",
+        "plan_anew": "    memset(&m->plan, 0, sizeof m->plan);\n",
     }
 
 
