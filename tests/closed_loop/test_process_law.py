@@ -404,7 +404,8 @@ def test_what_a_program_has_started_ends_with_it_also_where_python_is_killed(tmp
     text = start + CONTROLLER + "    write(message, 1.0)"
     law = ProcessLaw(name="mine", program=[sys.executable, "-S", "-c", text], readings=["rate"])
     run(law)
-    assert not is_alive(int(pid.read_text()))
+    # A signal takes its time.
+    wait_until(lambda: not is_alive(int(pid.read_text())))
     pid.unlink()
     script = (
         "import sys, time\nfrom mrwork.closed_loop.controller_link import Pipe\n"

@@ -1,6 +1,7 @@
 """Printed code on a board: compiled as others compile, words of status, states that are healed, missed samples."""
 
 import ctypes
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,9 +13,10 @@ from loop_samples import devices, five_storeys, law_with_gains, rd1005
 from printed_laws import printed
 
 import mrwork as mr
+from mrwork.closed_loop.printed_loop import printed_loop
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.embedded.c_source import CSource, Flavour
-from mrwork.embedded.controller_c import readings_of_check
+from mrwork.embedded.controller_c import controller_source, readings_of_check
 from mrwork.embedded.damper_c import damper_source
 
 TESTED = OperatingRange(
@@ -105,6 +107,35 @@ def test_printed_code_compiles_as_others_compile(kind: str, tmp_path: Path) -> N
     linked = made("g++", "-Wall", "-Wextra", "-Werror", "main.cpp", f"{name}.o", "-lm", "-o", "main")
     assert linked.returncode == 0, linked.stderr
     assert subprocess.run([tmp_path / "main"]).returncode == 0
+
+
+@pytest.mark.parametrize("target", ["run", "run-arm"])
+@pytest.mark.parametrize("name", ["clipped_optimal", "passive"])
+def test_the_example_runs_through_dead_sensors_and_missed_samples_and_ends_at_zero(
+    target: str, name: str, tmp_path: Path
+) -> None:
+    needed = ["make", "cc"] if target == "run" else ["make", "arm-none-eabi-gcc", "qemu-system-arm"]
+    if missing := [each for each in needed if shutil.which(each) is None]:
+        pytest.skip(f"there is no {missing[0]} for the example")
+    law, loop = law_of(name)
+    core = printed_loop(five_storeys(), loop, law, HARDWARE)
+    places = {"floor": [*"abcde"], "storey": [*"abcde"], "device": [*"ab"]}
+    source = controller_source("law", core, law, places, Flavour(), unit="A", example=True)
+    for file, text in source.files.items():
+        (tmp_path / file).write_text(text)
+    ran = subprocess.run(["make", target], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "warning" not in ran.stderr
+    said = re.search(
+        r"4003 samples, 12 missed, (\d+) readings replaced, status seen (\S+), largest command (\S+), last (\S+)",
+        ran.stdout,
+    )
+    assert said, ran.stdout
+    replaced, status, largest, last = int(said[1]), int(said[2], 16), float(said[3]), float(said[4])
+    assert status & MISSED
+    # Samples 2001 to 2199, of which the first two were missed.
+    assert replaced == (197 if status & ACCELERATION else 0)
+    assert 0.0 <= last < 1e-2 * largest <= 0.02
 
 
 def test_a_reading_that_is_replaced_is_named_and_has_an_age(tmp_path: Path) -> None:

@@ -45,11 +45,12 @@ def controller_source(
     *,
     unit: str,
     origin: Sequence[str] = (),
+    example: bool = False,
 ) -> CSource:
     """The C of the controller of a loop: NAME.h, NAME.c, NAME_check.c with a test, and NAME_process.c for a loop.
 
     `places` are the names of floors, measured storeys and devices, `unit` is of the commands, and `origin` are
-    sentences on where the gains are from.
+    sentences on where the gains are from. An `example` is a program around it to copy, with a Makefile.
     """
     text = _rust.law_text(loop, flavour.single)
     given = dict(_rust.law_readings(loop))
@@ -139,6 +140,7 @@ def controller_source(
             f"{name}.c": flavour.fill("controller.c", **words),
             f"{name}_check.c": _check(name, loop, read, given, flavour),
             **_process(name, loop, read, n_all, flavour),
+            **(_example(name, read, flavour) if example else {}),
         },
         inputs=inputs,
         outputs=tuple(
@@ -329,6 +331,24 @@ def _process(
         filled=_filled(sent, "in", flavour),
     )
     return {f"{name}_process.c": text}
+
+
+def _example(name: str, read: dict[str, int], flavour: Flavour) -> dict[str, str]:
+    """A program around the controller with a record of its own, its Makefile, and vectors of a Cortex-M for it."""
+    # Sensors of 16 bits whose range is four times what a check reads.
+    scales = [repr(_SIGNALS[signal][1] / 8000.0) for signal, count in read.items() for _ in range(count)]
+    words = {
+        "name": name,
+        "macro": name.upper(),
+        "width": max(len(scales), 1),
+        "scales": ", ".join(scales or ["1.0"]),
+        "filled": _filled(read, "in", flavour),
+    }
+    return {
+        f"{name}_example.c": flavour.fill("controller_example.c", **words),
+        "Makefile": flavour.fill("Makefile", **words),
+        "vectors.c": flavour.fill("vectors.c"),
+    }
 
 
 def readings_of_check(given: dict[str, int]) -> Floats:
