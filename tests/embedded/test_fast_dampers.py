@@ -5,12 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmu_instances import Instance, Unpacked
 from printed_dampers import Floats, PrintedDamper, integrated, noise, sine
 
 import mrwork as mr
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.embedded.c_source import Flavour
 from mrwork.embedded.damper_c import damper_source
+from mrwork.embedded.fmu import FMIVersion, c_compiler, fmu_of
 
 TESTED = OperatingRange(
     stroke=0.01, velocity=0.08, frequency=None, command=(0.0, 1.2), command_unit="A", force=1e3, power=1.0
@@ -88,6 +90,38 @@ def test_a_force_is_right_up_to_the_velocity_that_is_believed(model: str, tmp_pa
         off = np.abs(found.force - exact).max() / np.abs(exact).max()
         assert off < 5e-3, (multiple, off)
         assert found.replaced == 0
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_co_simulation_is_right_up_to_the_velocity_that_is_believed(
+    version: FMIVersion, tmp_path: Path
+) -> None:
+    """Steps of a millisecond at the mean velocity, against small steps of our own along the same motion."""
+    if (compiler := c_compiler()) is None:
+        pytest.skip("this machine has no C compiler")
+    spec = mr.damper("normalised_bouc_wen")
+    theta = np.array(spec.nominal)
+    source = damper_source("damper", spec, theta, TESTED, Flavour(), sample_time=1e-3)
+    unpacked = Unpacked(fmu_of(source, version, compiler), tmp_path)
+    rate, force = of_bouc_wen(theta)
+    for multiple in (1.0, 2.6, 5.2, 9.8):
+        x, v, _ = sine(multiple * TESTED.velocity, 5.0, 1e-3, 240)
+        fmu, state = Instance(unpacked, velocity=0.0), np.zeros(1)
+        found, exact = [], []
+        for sample in range(239):
+            mean = 0.5 * (v[sample] + v[sample + 1])
+            assert fmu.set({"displacement": x[sample], "velocity": mean}) == 0
+            assert fmu.step(1e-3 * sample, 1e-3) == 0
+            found.append(fmu.get("force")[0])
+            # Implicit steps, which no speed makes unstable.
+            for _ in range(40):
+                after = state
+                for _ in range(6):
+                    after = state + 2.5e-5 * rate(0.5 * (state + after), 0.0, mean)
+                state = after
+            exact.append(force(state, x[sample] + 1e-3 * mean, mean))
+        off = np.abs(np.subtract(found, exact)).max() / np.abs(exact).max()
+        assert off < 5e-3, (multiple, off)
 
 
 @pytest.mark.parametrize("sample_time", [1e-3, 2e-3, 5e-3])
