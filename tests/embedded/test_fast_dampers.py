@@ -237,6 +237,10 @@ def test_parameters_change_while_it_runs_and_its_state_stays(tmp_path: Path) -> 
     loop = right[200:] - named["c"] * motion[1, 200:] - named["k"] * (motion[0, 200:] - named["x0"])
     np.testing.assert_allclose(changed.force, right[200:] + 0.5 * loop, rtol=1e-9)
     assert np.abs(loop).max() > 0.9 * k_w
+    # Three times as stiff a loop wants other sub-steps.
+    stiff = spec.names.index("rho")
+    assert damper.library.retune(stiff, 3.0 * spec.nominal[stiff]) == 1
+    assert damper.library.retune(stiff, 0.7 * spec.nominal[stiff]) == 0
     for wrong in (np.nan, np.inf):
         assert damper.library.retune(place, wrong) == 1
     again = damper.drive(motion[:, -1:])

@@ -117,7 +117,7 @@ _STATUS: Final[dict[Status, str]] = {
     "parameters_refused": "parameters were not numbers, and stayed as they were",
 }
 _FIRST_REPLACED: Final = 256
-_NUMBERS = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "nearly": 0.999}
+_NUMBERS = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "nearly": 0.999, "hundredth": 0.01}
 
 
 def c_name(text: str) -> str:

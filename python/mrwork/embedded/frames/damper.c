@@ -42,16 +42,17 @@ static int are_finite(const $real *value, unsigned long count)
     return 1;
 }
 
-int ${name}_retune(${name}_memory *m, const ${name}_parameters *parameters)
+/* Whether parameters, and what follows from them, are numbers; else the ones before stay. */
+static int are_taken(${name}_memory *m, const ${name}_parameters *parameters)
 {
     const ${name}_memory before = *m;
     prepare(m, parameters);
     ${name}_carry(m, m->current);
     if (are_finite((const $real *)parameters, sizeof *parameters / sizeof($real)) && are_finite(m->p, $n_params))
-        return 0;
+        return 1;
     *m = before;
     m->status |= ${macro}_PARAMETERS_REFUSED;
-    return 1;
+    return 0;
 }
 
 void ${name}_start(${name}_memory *m, const ${name}_parameters *parameters, $real command)
@@ -62,7 +63,7 @@ void ${name}_start(${name}_memory *m, const ${name}_parameters *parameters, $rea
     m->before.command = current;
     prepare(m, &${name}_fitted);
     ${name}_carry(m, current);
-    ${name}_retune(m, parameters);
+    are_taken(m, parameters);
 }
 
 $real ${name}_force(const ${name}_memory *m, $real x, $real v)
@@ -116,6 +117,46 @@ void ${name}_substep(${name}_memory *m, $real command, const $real motion[6])
         }
         part(m, halvings, command, within);
     }
+}
+
+/* Whether the sub-steps suffice: halves of them give the force of a sine of the test to a hundredth. */
+static int is_resolved(const ${name}_memory *m)
+{
+    ${name}_memory whole = *m, halves = *m;
+    const $real turn = ${name}_tested.velocity / ${name}_tested.displacement * ${macro}_SUBSTEP;
+    $real largest = $zero, off = $zero;
+    memset(whole.state, 0, sizeof whole.state);
+    memset(halves.state, 0, sizeof halves.state);
+    for (int substep = 0; ${macro}_MOST_HALVINGS > 0 && substep < 1000; ++substep) {
+        $real motion[10];
+        for (int place = 0; place < 5; ++place) {
+            const double phase = (double)turn * (substep + 0.25 * place);
+            motion[2 * place] = ${name}_tested.displacement * ($real)sin(phase);
+            motion[2 * place + 1] = ${name}_tested.velocity * ($real)cos(phase);
+        }
+        const $real over[6] = {motion[0], motion[1], motion[4], motion[5], motion[8], motion[9]};
+        part(&whole, 0, whole.before.command, over);
+        part(&halves, ${macro}_MOST_HALVINGS > 0, halves.before.command, motion);
+        part(&halves, ${macro}_MOST_HALVINGS > 0, halves.before.command, motion + 4);
+        const $real force = ${name}_force(&halves, motion[8], motion[9]);
+        largest = mr_max(largest, $fabs(force));
+        off = mr_max(off, $fabs(${name}_force(&whole, motion[8], motion[9]) - force));
+        if (!isfinite(force) || !isfinite(off))
+            return 0;
+    }
+    return off <= $hundredth * largest;
+}
+
+int ${name}_retune(${name}_memory *m, const ${name}_parameters *parameters)
+{
+    const ${name}_memory before = *m;
+    if (!are_taken(m, parameters))
+        return 1;
+    if (is_resolved(m))
+        return 0;
+    *m = before;
+    m->status |= ${macro}_PARAMETERS_REFUSED;
+    return 1;
 }
 
 void ${name}_heal(${name}_memory *m, $real command)

@@ -74,7 +74,8 @@ extern const ${name}_limits ${name}_tested;
 void ${name}_start(${name}_memory *m, const ${name}_parameters *parameters, $real command);
 
 /* Other parameters in a running damper, which keeps its states: 0 where they are taken, and 1 where one of them, or of what follows
-   from them, is not a number; then nothing changes. Sub-steps are those that were checked for the fitted parameters. */
+   from them, is not a number, or where the damper is too stiff for the sub-steps of the fitted ones; then nothing changes. It takes as
+   long as 3000 sub-steps: call it between samples that do not wait. */
 int ${name}_retune(${name}_memory *m, const ${name}_parameters *parameters);
 
 /* Says before a step that so many samples were missed since the last one: the step bridges them by a straight motion. */

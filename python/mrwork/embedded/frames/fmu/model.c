@@ -43,7 +43,7 @@ static const char *set_variable(model *m, unsigned long reference, double value)
         *place = value;
         if (m->is_running && reference > N_INPUTS && !retune(m)) {
             *place = before;
-            return "with this value the parameters of the model are not finite";
+            return "with this value the model is not finite, or too stiff for the sub-steps of the fitted parameters";
         }
     }
     m->is_stale = 1;
