@@ -121,7 +121,7 @@ def force_histories(
 def damper_text(
     model: str,
     coefficients: list[str],
-    step: float,
+    steps: list[float],
     laws: list[str] | None = None,
     rates: int = 0,
     single: bool = False,
@@ -137,6 +137,8 @@ def straight_forces(
     substeps: int,
     laws: list[str] | None = None,
     rates: int = 0,
+    speeds: list[float] = ...,
+    fading: float = 0.0,
 ) -> _Floats | None: ...
 def tape_operations() -> list[tuple[str, int]]: ...
 def register_damper(

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from functools import cache
@@ -371,6 +371,103 @@ def test_a_controller_that_does_not_begin_is_refused(program: list[str], words: 
 )
 def test_a_first_answer_of_another_form_is_refused(text: str, words: str) -> None:
     refusal(run, python_law(text, start_timeout=1.0), match=words)
+
+
+FLOODS = {
+    "text": (["yes"], r"wrote the text 'y\\ny\\n.*' on stdout; let it write text to stderr"),
+    "zeros": (["cat", "/dev/zero"], "with 0 as its first number, where the message had 1"),
+    "a line": (["sh", "-c", "echo ready; cat >/dev/null"], "wrote the text 'ready' on stdout"),
+}
+
+
+@pytest.mark.parametrize(("program", "words"), FLOODS.values(), ids=FLOODS)
+def test_what_is_no_answer_to_the_first_message_is_refused_at_once(program: list[str], words: str) -> None:
+    began = time.monotonic()
+    refusal(run, ProcessLaw(name="mine", program=program, readings=["rate"], start_timeout=60.0), match=words)
+    assert time.monotonic() - began < 30.0
+
+
+def test_a_controller_that_writes_without_end_is_waited_for_as_long_as_any(tmp_path: Path) -> None:
+    text = "    write(message if sample < 5 else -1.0, 1.0)\n    while sample == 5: write(-1.0, 1.0)"
+    law = python_law(text, timeout=0.2)
+    found = run(law)
+    assert law.round_trips.lost[0].time == pytest.approx(0.005)
+    assert np.all(found.histories[0].command[6:] == 0.0)
+
+
+def test_what_a_program_has_started_ends_with_it_also_where_python_is_killed(tmp_path: Path) -> None:
+    pid = tmp_path / "pid"
+    start = (
+        "import subprocess\nchild = subprocess.Popen(['sleep', '600'])\n"
+        f"open({str(pid)!r}, 'w').write(str(child.pid))\n"
+    )
+    text = start + CONTROLLER + "    write(message, 1.0)"
+    law = ProcessLaw(name="mine", program=[sys.executable, "-S", "-c", text], readings=["rate"])
+    run(law)
+    # A signal takes its time.
+    wait_until(lambda: not is_alive(int(pid.read_text())))
+    pid.unlink()
+    script = (
+        "import sys, time\nfrom mrwork.closed_loop.controller_link import Pipe\n"
+        f"link = Pipe([sys.executable, '-S', '-c', {(start + 'import time; time.sleep(600)')!r}], 16)\ntime.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", script]) as process:
+        wait_until(lambda: pid.exists() and pid.read_text())
+        process.kill()
+    wait_until(lambda: not is_alive(int(pid.read_text())))
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process runs; one that nobody waited for does not."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+def wait_until(happened: Callable[[], object]) -> None:
+    until = time.monotonic() + PATIENCE
+    while not happened():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def test_two_loops_at_one_port_are_told_apart() -> None:
+    """A controller with a memory: its commands are those of one loop after the other, and each has a session."""
+    sessions = set()
+
+    def answer(port: socket.socket) -> None:
+        level = 0.0
+        with suppress(OSError):
+            while True:
+                message, place = port.recvfrom(1 << 12)
+                number, sample, *_, rate = struct.unpack("<5d", message)
+                sessions.add(number // 2.0**32)
+                level = 0.99 * (level if sample else 0.0) + 0.1 * abs(rate)
+                port.sendto(struct.pack("<2d", number, min(1.5, level)), place)
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 0))
+        server = threading.Thread(target=answer, args=(port,), daemon=True)
+        server.start()
+        address = port.getsockname()
+
+        def command(duration: float, found: dict[float, np.ndarray]) -> None:
+            law = ProcessLaw(name="board", address=address, readings=["rate"])
+            found[duration] = run(law, sweep(duration)).histories[0].command
+
+        alone: dict[float, np.ndarray] = {}
+        together: dict[float, np.ndarray] = {}
+        for duration in (0.3, 0.4):
+            command(duration, alone)
+        loops = [threading.Thread(target=command, args=(duration, together)) for duration in alone]
+        for loop in loops:
+            loop.start()
+        for loop in loops:
+            loop.join()
+        for duration, right in alone.items():
+            np.testing.assert_array_equal(together[duration], right)
+        assert len(sessions) == 4
+        assert min(sessions) >= 1.0
 
 
 @pytest.mark.parametrize(

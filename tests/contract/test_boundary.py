@@ -68,7 +68,7 @@ def work() -> None:
     mr.control.regulator_gains(**stacks, scaling=np.tile(np.eye(4), (3, 1, 1)))
     for function in (mr._rust.rate, mr._rust.force):
         function(spec.name, spec.nominal, np.zeros(1), 0.0, 0.0)
-    mr._rust.damper_text(spec.name, ["a", "b", "c"], 1e-3)
+    mr._rust.damper_text(spec.name, ["a", "b", "c"], [1e-3])
     mr._rust.straight_forces(spec.name, np.array(spec.nominal), signal, signal, signal, 0.01, 2)
     mr._rust.flops_per_step(spec.name, spec.nominal)
     mr._rust.fma_peak(1, 0.0)

@@ -261,7 +261,7 @@ def test_a_law_that_has_values_only_at_commands_asks_for_them(law: Dependence) -
 def test_a_wrong_number_of_commands_is_refused_by_the_law_and_by_the_core(name: str) -> None:
     refusal(mr.damper("dahl").with_current_laws, {"k_w": name}, match="or two where it saturates")
     with pytest.raises(ValueError, match="exponential:0,1 or tanh:0,1"):
-        mr._rust.damper_text("dahl", [], 1e-3, [name, "constant", "constant"])
+        mr._rust.damper_text("dahl", [], [1e-3], [name, "constant", "constant"])
 
 
 def test_values_come_before_logarithms_and_straight_lines_last() -> None:

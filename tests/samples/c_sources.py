@@ -16,21 +16,37 @@ typedef struct {{
     double current;
     NAME_parameters given;
     double damping, yield_force; /* at the current */
+    unsigned status;
 }} NAME_memory;
-typedef NAME_input NAME_limits;
+typedef struct {{ double displacement, velocity, lowest_command, highest_command; }} NAME_limits;
 extern const NAME_parameters NAME_fitted;
-extern const NAME_limits NAME_believed;
+extern const NAME_limits NAME_believed, NAME_tested;
 void NAME_start(NAME_memory *m, const NAME_parameters *parameters, double command);
 void NAME_carry(NAME_memory *m, double current);
 double NAME_force(const NAME_memory *m, double x, double v);
 void NAME_rate(const NAME_memory *m, double command, double x, double v, double *rate);
 void NAME_substep(NAME_memory *m, double command, const double motion[6]);
+int NAME_retune(NAME_memory *m, const NAME_parameters *parameters);
+void NAME_heal(NAME_memory *m, double command);
 #endif
 """
 _START = """#include "NAME.h"
 #include <math.h>
 const NAME_parameters NAME_fitted = {VALUES};
-const NAME_limits NAME_believed = {0.2, 3.0, 20.0};
+const NAME_limits NAME_believed = {0.2, 3.0, -20.0, 20.0}, NAME_tested = {0.02, 0.3, 0.0, 2.0};
+int NAME_retune(NAME_memory *m, const NAME_parameters *parameters)
+{
+    m->given = *parameters;
+    NAME_carry(m, m->current);
+    return 0;
+}
+void NAME_heal(NAME_memory *m, double command)
+{
+    if (isfinite(m->state[0]) && isfinite(m->current)) return;
+    m->state[0] = 0.0;
+    NAME_carry(m, command);
+    m->status |= 8;
+}
 void NAME_start(NAME_memory *m, const NAME_parameters *parameters, double command)
 {
     m->state[0] = 0.0;
@@ -94,7 +110,7 @@ _CONTROLLER_HEADER = """#ifndef NAME_H
 #define NAME_H
 typedef struct { double gain[2]; double command[1]; } NAME_parameters;
 typedef struct { double acceleration[2]; double force[1]; } NAME_input;
-typedef struct { double good[2]; double sum; unsigned long replaced; } NAME_memory;
+typedef struct { double good[2]; double sum; unsigned long replaced; unsigned status; } NAME_memory;
 void NAME_start(NAME_memory *memory);
 void NAME_step(NAME_memory *memory, const NAME_parameters *p, const NAME_input *input, double command[2]);
 #endif
@@ -103,7 +119,7 @@ _CONTROLLER = """#include "NAME.h"
 #include <math.h>
 void NAME_start(NAME_memory *memory)
 {
-    const NAME_memory empty = {{0.0, 0.0}, 0.25, 0};
+    const NAME_memory empty = {{0.0, 0.0}, 0.25, 0, 0};
     *memory = empty;
 }
 void NAME_step(NAME_memory *memory, const NAME_parameters *p, const NAME_input *input, double command[2])

@@ -56,6 +56,11 @@ pub(crate) struct Following<'a, M: DamperModel, R: Real> {
 }
 
 impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
+    /// Takes steps of another length [s] from now on.
+    pub(crate) fn set_step(&mut self, step: f64) {
+        self.decay = Decay::of(self.laws.rates(&self.columns), step);
+    }
+
     /// The driver in steady state at the first command.
     #[inline(always)]
     pub(crate) fn new(

@@ -8,7 +8,7 @@ use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::ground_motion::GroundMotion;
 use mrwork_dynamics::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
 use mrwork_dynamics::record::{Precision, damper_text as text, elementary_functions as elementary};
-use mrwork_dynamics::sampled::{Samples, straight_forces as straight};
+use mrwork_dynamics::sampled::{Division, Samples, straight_forces as straight};
 use numpy::ndarray::Ix2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
@@ -25,12 +25,12 @@ use crate::own::LawTape;
 
 /// Statements of the functions of a damper by name, see `mrwork_dynamics::record::DamperText`.
 #[pyfunction]
-#[pyo3(signature = (model, coefficients, step, laws=None, rates=0, single=false))]
+#[pyo3(signature = (model, coefficients, steps, laws=None, rates=0, single=false))]
 pub fn damper_text<'py>(
     py: Python<'py>,
     model: &str,
     coefficients: Vec<String>,
-    step: f64,
+    steps: Vec<f64>,
     laws: Option<Vec<String>>,
     rates: usize,
     single: bool,
@@ -38,12 +38,12 @@ pub fn damper_text<'py>(
     let spec = named(model)?.spec();
     let laws = parsed_laws(spec, laws, rates)?;
     check_columns(spec, &laws, coefficients.len())?;
-    if !(step.is_finite() && step > 0.0) {
-        return Err(PyValueError::new_err(format!("`step` is {step}, give a positive number")));
+    if let Some(step) = steps.iter().find(|step| !(step.is_finite() && **step > 0.0)) {
+        return Err(PyValueError::new_err(format!("one of `steps` is {step}, give positive numbers")));
     }
     let precision = if single { Precision::Single } else { Precision::Double };
     let functions = PyDict::new(py);
-    if let Some(text) = text(spec.name, &coefficients, &laws, step, precision) {
+    if let Some(text) = text(spec.name, &coefficients, &laws, &steps, precision) {
         functions.set_item("prepare", text.prepare)?;
         functions.set_item("parameters", text.parameters)?;
         functions.set_item("force", text.force)?;
@@ -63,7 +63,7 @@ pub fn elementary_functions() -> String {
 
 /// Forces at samples with straight lines between the motions at them, shape (`n_time`,).
 #[pyfunction]
-#[pyo3(signature = (model, theta, displacement, velocity, command, dt, substeps, laws=None, rates=0))]
+#[pyo3(signature = (model, theta, displacement, velocity, command, dt, substeps, laws=None, rates=0, speeds=Vec::new(), fading=0.0))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn straight_forces<'py>(
     py: Python<'py>,
@@ -76,6 +76,8 @@ pub fn straight_forces<'py>(
     substeps: u32,
     laws: Option<Vec<String>>,
     rates: usize,
+    speeds: Vec<f64>,
+    fading: f64,
 ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
     let spec = named(model)?.spec();
     let laws = parsed_laws(spec, laws, rates)?;
@@ -85,13 +87,23 @@ pub fn straight_forces<'py>(
     if !(1..=most).contains(&substeps) {
         return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
     }
+    // As many halves of a sub-step as MAX_SUBSTEP_FACTOR allows.
+    let halvings = MAX_SUBSTEP_FACTOR.ilog2() as usize;
+    if speeds.len() > halvings + 1 {
+        return Err(PyValueError::new_err(format!(
+            "`speeds` has {} numbers, give at most {}",
+            speeds.len(),
+            halvings + 1
+        )));
+    }
+    let division = Division { speeds: &speeds, fading };
     let axes = [("samples", Some(displacement.as_array().len()))];
     let samples = Samples {
         displacement: contiguous("displacement", &displacement)?,
         velocity: shaped("velocity", &velocity, &axes)?,
         command: shaped("command", &command, &axes)?,
     };
-    Ok(straight(spec.name, theta, &laws, samples, dt, substeps).map(|force| force.into_pyarray(py)))
+    Ok(straight(spec.name, theta, &laws, samples, dt, substeps, division).map(|force| force.into_pyarray(py)))
 }
 
 /// A loop without a motion, of which the controller is printed.

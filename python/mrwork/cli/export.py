@@ -46,7 +46,7 @@ def add_options(parser: CommandParser) -> None:
     )
     add_option_of(parser, Wanted, "target", "command", metavar="COMMAND")
     add_option_of(parser, Wanted, "target", "error", metavar="SHARE")
-    add_options_of(parser, Wanted, "target", "time_step", "law", "libm", "single")
+    add_options_of(parser, Wanted, "target", "time_step", "law", "libm", "single", "example")
     file = "file to write, of c and fmu the folder; without it opensees and csv are printed"
     parser.option(OUTPUT, "--out --output", file, named_path, metavar="PATH", dest="output")
     parser.option(OUTPUT, "--replace", "replace files that are there", bool)

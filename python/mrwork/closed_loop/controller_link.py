@@ -13,8 +13,11 @@ import socket
 import subprocess
 import sys
 from abc import ABC, abstractmethod
+from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
+from secrets import randbelow
+from threading import Lock
 from time import monotonic
 from typing import IO, ClassVar, Final
 
@@ -24,8 +27,12 @@ NUMBER: Final = 8
 """Bytes of a number."""
 # More than any answer, so that one read takes all there is.
 _CHUNK = 1 << 16
-# Time in which a program ends after its stdin did, before it is killed [s].
+# Time in which a program ends after its stdin did, before it is killed, and the rest of a first answer comes [s].
 _LEAVE = 1.0
+# Kills a group of processes where its own stdin ends without a line: then this process has ended.
+_GUARD = 'read -r line || kill -s KILL -- "-$1" 2>/dev/null'
+# Loops of this process that talk to an address, one after the other.
+_AT_WORK: Final[defaultdict[tuple[str, int], Lock]] = defaultdict(Lock)
 
 
 class LinkEndedError(Exception):
@@ -46,8 +53,10 @@ class Link(ABC):
         self.strayed = b""
 
     @abstractmethod
-    def exchange(self, message: bytes, seconds: float) -> bytes:
+    def exchange(self, message: bytes, seconds: float, *, is_first: bool = False) -> bytes:
         """The answer to a message: shorter or longer than `size` as it came, empty where none came in time.
+
+        What is no answer to the first message of a program is returned at once, in `strayed`.
 
         Raises
         ------
@@ -60,6 +69,11 @@ class Link(ABC):
         """End the link, and the program."""
 
 
+def session_number() -> int:
+    """A number of a session, which tells its messages at a port from those of another loop: 1 to 2^20."""
+    return 1 + randbelow(1 << 20)
+
+
 def _wait(entry: int, event: int, until: float) -> bool:
     """Whether an entry is ready before a time."""
     watch = select.poll()
@@ -70,7 +84,7 @@ def _wait(entry: int, event: int, until: float) -> bool:
 class Pipe(Link):
     """A program of the user, which this process starts and ends."""
 
-    __slots__ = ("_process", "_reader", "_writer")
+    __slots__ = ("_guard", "_process", "_reader", "_writer")
     look = "see what it wrote on stderr"
     until = "its stdin ends"
 
@@ -90,6 +104,8 @@ class Pipe(Link):
                 f"the program {program[0]} does not start: {reason_of(error)}; give an executable, with its folder or "
                 "found by the PATH, and its arguments each apart"
             ) from error
+        guard = ["/bin/sh", "-c", _GUARD, "sh", str(self._process.pid)]
+        self._guard = subprocess.Popen(guard, stdin=subprocess.PIPE, start_new_session=True)
         self._writer, self._reader = (stream.fileno() for stream in self._streams)
         os.set_blocking(self._writer, False)
 
@@ -101,21 +117,28 @@ class Pipe(Link):
         assert stdout is not None
         return stdin, stdout
 
-    def exchange(self, message: bytes, seconds: float) -> bytes:
+    def exchange(self, message: bytes, seconds: float, *, is_first: bool = False) -> bytes:
         """The answer to a message; those to earlier ones are dropped."""
         until = monotonic() + seconds
         if not self._write(message, until):
             return b""
         answer = b""
-        while _wait(self._reader, select.POLLIN, until):
+        # A program that writes without end is always ready.
+        while monotonic() < until and _wait(self._reader, select.POLLIN, until):
             read = os.read(self._reader, _CHUNK)
             if not read:
                 raise self._ended()
             answer += read
-            while len(answer) >= self.size:
-                if answer[:NUMBER] == message[:NUMBER]:
-                    return answer
-                self.strayed, answer = answer[: self.size], answer[self.size :]
+            place = 0
+            while len(answer) - place >= self.size:
+                if answer[place : place + NUMBER] == message[:NUMBER]:
+                    return answer[place:]
+                self.strayed, place = answer[place : place + self.size], place + self.size
+                if is_first:
+                    return b""
+            answer = answer[place:]
+            if is_first:
+                until = min(until, monotonic() + _LEAVE)
         return answer
 
     def _write(self, message: bytes, until: float) -> bool:
@@ -124,7 +147,7 @@ class Pipe(Link):
             try:
                 message = message[os.write(self._writer, message) :]
             except BlockingIOError:
-                if not _wait(self._writer, select.POLLOUT, until):
+                if monotonic() > until or not _wait(self._writer, select.POLLOUT, until):
                     return False
             except BrokenPipeError:
                 raise self._ended() from None
@@ -140,29 +163,37 @@ class Pipe(Link):
         return LinkEndedError(f"ended with status {status}")
 
     def close(self) -> None:
-        """End the program: its stdin ends, and if it does not, it is killed with what it has started."""
+        """End the program, by the end of its stdin or by a signal, and what it has started."""
         stdin, stdout = self._streams
         stdin.close()
         try:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(_LEAVE)
         finally:
-            if self._process.poll() is None:
+            with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
-                self._process.wait()
+            self._process.wait()
             stdout.close()
+            self._guard.communicate(b"\n")
 
 
 class UdpPort(Link):
     """A controller at a UDP port, which somebody else has started: a message and an answer are a datagram each."""
 
-    __slots__ = ("_address", "_socket")
+    __slots__ = ("_address", "_socket", "_turn")
     look = "see whether it runs and listens at that port"
     until = "the simulation ends"
 
-    def __init__(self, address: tuple[str, int], size: int) -> None:
+    def __init__(self, address: tuple[str, int], size: int, seconds: float) -> None:
         super().__init__(size)
         self._address = "{}:{}".format(*address)
+        # A controller has one memory.
+        self._turn = _AT_WORK[address]
+        if not self._turn.acquire(timeout=seconds):
+            raise SettingError(
+                f"another loop of this process talks to {self._address}; simulate one after the other, or give each a "
+                "controller at a port of its own"
+            )
         try:
             found = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)
             # A name may be that of both families, and controllers listen at the older one.
@@ -171,12 +202,13 @@ class UdpPort(Link):
             self._socket = socket.socket(family, kind, protocol)
             self._socket.connect(place)
         except OSError as error:
+            self._turn.release()
             raise SettingError(
                 f"there is no way to {self._address}: {reason_of(error)}; give a host and a port"
             ) from error
 
-    def exchange(self, message: bytes, seconds: float) -> bytes:
-        """The answer to a message; datagrams to earlier ones are dropped."""
+    def exchange(self, message: bytes, seconds: float, *, is_first: bool = False) -> bytes:
+        """The answer to a message; datagrams to earlier ones, or to another session, are dropped."""
         until = monotonic() + seconds
         try:
             self._socket.send(message)
@@ -195,3 +227,4 @@ class UdpPort(Link):
     def close(self) -> None:
         """Leave the port; the controller goes on."""
         self._socket.close()
+        self._turn.release()

@@ -27,7 +27,7 @@ from mrwork.base.values import Floats
 from mrwork.buildings.device import Device
 from mrwork.buildings.groups import commanded
 from mrwork.buildings.plane_building import Building
-from mrwork.closed_loop.controller_link import NUMBER, Link, LinkEndedError, Pipe, UdpPort
+from mrwork.closed_loop.controller_link import NUMBER, Link, LinkEndedError, Pipe, UdpPort, session_number
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.responses import command_unit_of
@@ -78,7 +78,8 @@ class ControllerProtocol(Summarised):
     At each control sample the loop sends one message, waits, and takes one answer, both little-endian doubles (IEEE
     754) without gaps. A message has
 
-    - `message`, a number that grows by 1 from message to message, from 1 on,
+    - `message`, a number that grows by 1 from message to message, from 1 on; over UDP from 1 + s 2^32 on, where s is
+      the number of the session, by which a controller tells this loop from another one at its port,
     - `sample`, the number of the sample in its run: **at 0 a run begins, and the controller forgets what it has kept**,
     - `time` from the start of the motion [s],
     - `missed`, the number of samples of this run so far of which no answer was taken,
@@ -317,6 +318,7 @@ class _Session:
         self._link: Link | None = None
         self._answered = False
         self._runs = self._messages = 0
+        self._before = 0 if law.address is None else session_number() << 32
         # Samples of this run without a command.
         self._missed = 0
         # Why a sample has none, and the same of the last ones in a row, by which the controller may be lost.
@@ -356,7 +358,9 @@ class _Session:
         self._in_a_row.clear()
         self._lost.pop(self._runs, None)
         law, size = self._law, self._answer.size
-        self._link = Pipe(law.program, size) if law.address is None else UdpPort(law.address, size)
+        self._link = (
+            Pipe(law.program, size) if law.address is None else UdpPort(law.address, size, law.start_timeout)
+        )
 
     def _ask(self, number: int, _: NDArray[np.uintp], *given: Any) -> Floats:
         """Commands of a sample, shape (1, n_devices); not a number where the controller gives none."""
@@ -374,12 +378,16 @@ class _Session:
         if link is None:
             return self._no_command
         self._messages += 1
-        head = self._messages, number, number * self._sample_time, self._missed
+        head = self._before + self._messages, number, number * self._sample_time, self._missed
         readings = (measured[place].ravel() for place in self._sent)
         message = np.concatenate([head, *readings]).astype("<f8", copy=False).tobytes()
         began = perf_counter()
         try:
-            answer = link.exchange(message, self._law.timeout if number else self._law.start_timeout)
+            answer = link.exchange(
+                message,
+                self._law.timeout if number else self._law.start_timeout,
+                is_first=not self._answered,
+            )
         except LinkEndedError as ended:
             if not self._answered:
                 raise SettingError(
@@ -417,12 +425,16 @@ class _Session:
         """Why the first message has no answer, as far as it can be told."""
         name, size = self._law.name, self._answer.size
         form = f"{size} bytes, the number of the message and then {counted(self._n_devices, 'command')}"
+        if text := _text_of(link.strayed or answer):
+            text = repr(text[:40])
+            return f"{name} wrote the text {text} on stdout; let it write text to stderr, and as its answer {form}"
         if answer:
             return f"{name} answered sample 0 with {len(answer)} bytes; let it write {form}"
         if link.strayed:
             (first,) = struct.unpack_from("<d", link.strayed)
+            asked_first = self._before + self._messages
             return (
-                f"{name} answered sample 0 with {first:g} as its first number, where the message had {self._messages}; "
+                f"{name} answered sample 0 with {first:g} as its first number, where the message had {asked_first}; "
                 f"let it write {form}, as little-endian doubles"
             )
         return (
@@ -438,3 +450,12 @@ class _Session:
         )
         self._in_a_row.clear()
         self.close()
+
+
+def _text_of(answer: bytes) -> str:
+    """The text that an answer is, empty where it is none: numbers have bytes that no text has."""
+    try:
+        text = answer.decode()
+    except UnicodeDecodeError:
+        return ""
+    return text.strip() if all(letter.isprintable() or letter.isspace() for letter in text) else ""

@@ -13,7 +13,7 @@ from typing import Final, Literal
 
 from mrwork import _rust
 from mrwork.base.values import Floats
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, escape_text
 
 # Words that C or its header math.h has taken, of those that parameters and folders may be called.
 _TAKEN = frozenset({
@@ -104,7 +104,20 @@ class Flavour:
         return "".join(f"#define mr_{own} {name}{suffix}\n" for own, name in names.items())
 
 
-_NUMBERS = {"zero": 0.0, "half": 0.5, "one": 1.0}
+Status = Literal[
+    "command_limited", "rate_limited", "outside_tested", "state_healed", "sample_missed", "parameters_refused"
+]
+# Bits of a word of status, in their order; the readings come behind.
+_STATUS: Final[dict[Status, str]] = {
+    "command_limited": "a command was held to its limit",
+    "rate_limited": "a command was held back by the largest rate",
+    "outside_tested": "the velocity is beyond that of the tests",
+    "state_healed": "a state was not a number, and began anew",
+    "sample_missed": "samples were missed before this one",
+    "parameters_refused": "parameters were not numbers, and stayed as they were",
+}
+_FIRST_REPLACED: Final = 256
+_NUMBERS = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "nearly": 0.999, "hundredth": 0.01}
 
 
 def c_name(text: str) -> str:
@@ -140,6 +153,26 @@ def head_of(name: str, sentences: Iterable[str]) -> str:
     return "\n".join(f" * {part}".rstrip() for part in parts)
 
 
+def status_bit(status: Status) -> int:
+    """Its bit in a word of status."""
+    return 1 << [*_STATUS].index(status)
+
+
+def status_of(macro: str, signals: Sequence[str], *happened: Status) -> str:
+    """Entries of the enumeration of a word of status: what may happen, and the readings that may be replaced."""
+    bits = {str(status): (status_bit(status), _STATUS[status]) for status in happened}
+    bits |= {
+        f"{signal}_replaced": (
+            _FIRST_REPLACED << place,
+            f"a reading of {signal} was replaced or held to its limit",
+        )
+        for place, signal in enumerate(signals)
+    }
+    return ",\n".join(
+        f"    {macro}_{status.upper()} = {bit} /* {words} */" for status, (bit, words) in bits.items()
+    )
+
+
 def table_rows(columns: Floats) -> str:
     """A table of the check of printed code, shape (n_rows, n_columns), as C has it."""
     return ",\n".join("    {" + ", ".join(map(repr, row)) + "}" for row in columns.tolist())
@@ -147,4 +180,4 @@ def table_rows(columns: Floats) -> str:
 
 def within_comment(text: str) -> str:
     """A text, as a name of a user, that neither ends a comment of C nor begins another."""
-    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
+    return escape_text(" ".join(text.split())).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")

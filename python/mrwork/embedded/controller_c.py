@@ -13,7 +13,7 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.loop_sample import READINGS
 from mrwork.closed_loop.printed_loop import PrintedLoop
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, table_rows, within_comment
+from mrwork.embedded.c_source import CSource, Flavour, Signal, head_of, status_of, table_rows, within_comment
 
 _SAMPLES = 1000
 # Readings that a controller may have: unit, size in the check, largest that is believed, and words.
@@ -45,11 +45,12 @@ def controller_source(
     *,
     unit: str,
     origin: Sequence[str] = (),
+    example: bool = False,
 ) -> CSource:
     """The C of the controller of a loop: NAME.h, NAME.c, NAME_check.c with a test, and NAME_process.c for a loop.
 
     `places` are the names of floors, measured storeys and devices, `unit` is of the commands, and `origin` are
-    sentences on where the gains are from.
+    sentences on where the gains are from. An `example` is a program around it to copy, with a Makefile.
     """
     text = _rust.law_text(loop, flavour.single)
     given = dict(_rust.law_readings(loop))
@@ -101,9 +102,17 @@ def controller_source(
         "limit_fields": "\n".join(f"    {real} {signal};  /* [{_SIGNALS[signal][0]}] */" for signal in read)
         or f"    {real} none;",
         "limits": ", ".join(flavour.number(_SIGNALS[signal][2]) for signal in read) or flavour.number(0.0),
-        "believed": "".join(
-            f"    believe(m, input->{signal}, m->before.{signal}, {count}, m->limits.{signal});\n"
-            for signal, count in read.items()
+        "believed": "".join(_believed(name, read)),
+        "n_ages": max(sum(read.values()), 1),
+        "status": status_of(
+            name.upper(), [*read], "rate_limited", "state_healed", "sample_missed", "parameters_refused"
+        ),
+        "bridged": "the observer go on" if rollout else "law and observer go on",
+        "bridge": "".join(
+            [
+                "" if rollout else "    send(m, gains, &m->before);\n",
+                "" if observer is None else "    estimate(m, &m->before);\n",
+            ]
         ),
         "furthest": flavour.number(text["furthest"]),
         "command": text["command"],
@@ -111,7 +120,9 @@ def controller_source(
             f"static const {real} table_{number}[{len(table)}] = {{{', '.join(map(flavour.number, table))}}};"
             for number, table in enumerate(text["tables"])
         ),
-        **dict.fromkeys(("observer", "estimate", "rollout", "plan", "plan_types"), ""),
+        **dict.fromkeys(
+            ("observer", "estimate", "rollout", "plan", "plan_types", "plan_is_sound", "plan_anew"), ""
+        ),
         **flavour.preamble(calls=text["calls"]),
     }
     if observer is not None:
@@ -129,6 +140,7 @@ def controller_source(
             f"{name}.c": flavour.fill("controller.c", **words),
             f"{name}_check.c": _check(name, loop, read, given, flavour),
             **_process(name, loop, read, n_all, flavour),
+            **(_example(name, read, flavour) if example else {}),
         },
         inputs=inputs,
         outputs=tuple(
@@ -142,6 +154,15 @@ def controller_source(
         substeps=1,
         notes=notes,
     )
+
+
+def _believed(name: str, read: dict[str, int]) -> Iterator[str]:
+    first = 0
+    for signal, count in read.items():
+        bit = f"{name.upper()}_{signal.upper()}_REPLACED"
+        arguments = f"{bit}, {first}, input->{signal}, m->before.{signal}, {count}, m->limits.{signal}"
+        yield f"    believe(m, {arguments});\n"
+        first += count
 
 
 def _inputs(read: dict[str, int], places: dict[str, Sequence[str]]) -> Iterator[Signal]:
@@ -277,6 +298,10 @@ def _rollout(
         "rollout": flavour.fill("rollout.c", **words),
         "plan_types": flavour.fill("rollout.h", **words),
         "plan": f"    {name}_plan plan;\n",
+        # A moment is made of numbers.
+        "plan_is_sound": " &&\n        "
+        f"are_finite((const {real} *)&m->plan.now, sizeof m->plan.now / sizeof({real}))",
+        "plan_anew": "    memset(&m->plan, 0, sizeof m->plan);\n",
     }
 
 
@@ -306,6 +331,24 @@ def _process(
         filled=_filled(sent, "in", flavour),
     )
     return {f"{name}_process.c": text}
+
+
+def _example(name: str, read: dict[str, int], flavour: Flavour) -> dict[str, str]:
+    """A program around the controller with a record of its own, its Makefile, and vectors of a Cortex-M for it."""
+    # Sensors of 16 bits whose range is four times what a check reads.
+    scales = [repr(_SIGNALS[signal][1] / 8000.0) for signal, count in read.items() for _ in range(count)]
+    words = {
+        "name": name,
+        "macro": name.upper(),
+        "width": max(len(scales), 1),
+        "scales": ", ".join(scales or ["1.0"]),
+        "filled": _filled(read, "in", flavour),
+    }
+    return {
+        f"{name}_example.c": flavour.fill("controller_example.c", **words),
+        "Makefile": flavour.fill("Makefile", **words),
+        "vectors.c": flavour.fill("vectors.c"),
+    }
 
 
 def readings_of_check(given: dict[str, int]) -> Floats:

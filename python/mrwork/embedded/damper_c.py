@@ -14,7 +14,8 @@ from mrwork.dampers.parameters import MOST_SUBSTEPS
 from mrwork.dampers.simulation import Loading, Outcome, refuse_failure, simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
-from mrwork.embedded.c_source import CSource, Flavour, Signal, c_names, head_of, table_rows
+from mrwork.embedded.c_source import CSource, Flavour, Signal, c_names, head_of, status_of, table_rows
+from mrwork.embedded.halving import Halving, halving_of, straight_forces
 from mrwork.errors import SettingError
 
 _SAMPLES = 1000
@@ -24,10 +25,16 @@ _FEWEST = 20
 # Commands of the check, one after the other, as shares of the tested range, and the samples that each stays.
 _COMMANDS = (0.0, 1.0, 0.25, 0.7)
 _HELD = 125
-# Multiple of a tested range beyond which a reading is not believed.
-_BELIEVED = 10.0
-# Displacement that is believed at least [m].
-_ANYWHERE = 1.0
+# Displacement that is believed at least [m], and multiple of the tested stroke: its origin is anywhere.
+_ANYWHERE, _STROKES = 1.0, 10.0
+# Multiple of the tested frequency at which the velocity that is believed may alternate: beyond, one sample is a glitch.
+_FASTER = 5.0
+# Samples of the check's fast part, and its frequency as a multiple of the tested one: eight strokes of travel.
+_FAST_SAMPLES, _FAST_CYCLES = 200, 2.5
+# Factor on sub-steps whose force is taken for right.
+_FINEST = 16
+# A demand beyond the tested range by less is within it, as `OperatingRange.exceeded_by` has it.
+_TOLERANCE = 0.05
 
 
 @array_dataclass()
@@ -55,21 +62,22 @@ def damper_source(
     `origin` are sentences on where the parameters are from.
     """
     motion = _motion_of_check(spec, tested, sample_time)
-    exact = simulate_forces(spec, theta[None], motion.history())
-    if exact.outcome[0] == Outcome.UNRESOLVED:
+    sine = simulate_forces(spec, theta[None], _sine(spec, tested, sample_time).history())
+    if sine.outcome[0] == Outcome.UNRESOLVED:
         raise SettingError(
             f"{spec.name} needs more than {MOST_SUBSTEPS} sub-steps in a sample of {of_unit(sample_time, 's')}; give a "
             "shorter --time-step (in Python `time_step`)"
         )
-    refuse_failure(spec.name, int(exact.outcome[0]))
-    substeps = int(exact.substeps[0])
-    samples = _sampled(spec, theta, motion, sample_time, substeps)
+    refuse_failure(spec.name, int(sine.outcome[0]))
+    halving = halving_of(spec, theta, tested, sample_time=sample_time, substeps=int(sine.substeps[0]))
+    substeps = halving.substeps
+    samples = _sampled(spec, theta, motion, sample_time, halving)
     names = c_names([parameter.name for parameter in spec.parameters])
     laws = [str(law) for law in spec.laws]
     text = _rust.damper_text(
         spec.core_name,
         [f"parameters->{each}" for each in names],
-        sample_time / substeps,
+        [sample_time / (substeps << halvings) for halvings in range(len(halving.speeds))],
         laws,
         spec.n_rates,
         flavour.single,
@@ -81,12 +89,9 @@ def damper_source(
         )
         for c_name, each, value in zip(names, spec.parameters, theta, strict=True)
     )
-    off = samples.force - exact.force[0]
-    percent = 100.0 * float(np.sqrt(np.mean(off**2)) / np.sqrt(np.mean(exact.force[0] ** 2)))
-    straight = (
-        f"Between samples the motion is straight: at {of_unit(sample_time, 's')} the force of this damper differs by "
-        f"{percent:.2g} % rms from the one under a smooth motion through the same samples, and by "
-        f"{100.0 * float(np.abs(off).max() / np.abs(exact.force[0]).max()):.2g} % of the largest at kinks."
+    notes = (
+        _of_straight_lines(spec, theta, tested, motion, samples, sample_time, halving),
+        _of_halving(halving, tested),
     )
     between = open_between_commands(spec, theta, tested)
     open_laws = () if between is None else (between.as_sentence,)
@@ -97,16 +102,10 @@ def damper_source(
         f"Tested: {tested.in_words}",
         f"Source of the model: {spec.source}",
         *open_laws,
-        straight,
+        *notes,
     ]
     n_params = len(spec.without_laws.parameters)
-    command = max(map(abs, tested.command or (1.0,)))
-    # The origin of a displacement is anywhere.
-    limits = (
-        max(_BELIEVED * tested.stroke, _ANYWHERE),
-        _BELIEVED * tested.velocity,
-        _BELIEVED * (command or 1.0),
-    )
+    limits = _limits(spec, tested, halving)
     words = {
         "name": name,
         "macro": name.upper(),
@@ -127,7 +126,20 @@ def damper_source(
         "values": "\n".join(
             f"    {flavour.number(each.value or 0.0)},  /* {each.name} */" for each in parameters
         ),
-        "limits": ", ".join(map(flavour.number, limits)),
+        "believed": ", ".join(map(flavour.number, limits["believed"])),
+        "tested": ", ".join(map(flavour.number, limits["tested"])),
+        "speeds": ", ".join(map(flavour.number, halving.speeds)),
+        "fading": flavour.number(halving.fading),
+        "most_halvings": len(halving.speeds) - 1,
+        "status": status_of(
+            name.upper(),
+            ("displacement", "velocity", "command"),
+            "command_limited",
+            "outside_tested",
+            "state_healed",
+            "sample_missed",
+            "parameters_refused",
+        ),
         "take": "" if spec.n_rates else f"    {name}_carry(m, to.command);\n",
         **flavour.preamble(calls=text["calls"]),
         **text,
@@ -140,7 +152,9 @@ def damper_source(
         files={
             f"{name}.h": flavour.fill("damper.h", **words),
             f"{name}.c": flavour.fill("damper.c", **words),
-            f"{name}_check.c": _check(name, samples, flavour),
+            f"{name}_check.c": _check(
+                name, _and_fast(spec, theta, samples, tested, sample_time, halving), flavour
+            ),
         },
         inputs=(
             Signal(name="displacement", unit="m", description="of the damper, positive as it lengthens"),
@@ -153,7 +167,7 @@ def damper_source(
         is_lagged=spec.n_rates > 0,
         sample_time=sample_time,
         substeps=substeps,
-        notes=(*open_laws, straight),
+        notes=(*open_laws, *notes),
     )
 
 
@@ -167,7 +181,7 @@ def _with_lag(
     falls = "0" if spec.lag == "one_rate" else "!(m->current < command)"
     lines = [
         f"{flavour.real} middle[{n_params}], end[{n_params}];",
-        f"const {flavour.real} decay = m->decay[{falls}];",
+        f"const {flavour.real} decay = m->decay[halvings][{falls}];",
         f"const {flavour.real} half_way = {fma}(m->current - command, decay, command);",
         "parameters_at(m, half_way, middle);",
         f"const {flavour.real} current = {fma}(half_way - command, decay, command);",
@@ -213,26 +227,125 @@ def _motion_of_check(spec: DamperSpec, tested: OperatingRange, sample_time: floa
     )
 
 
-def _sampled(spec: DamperSpec, theta: Floats, motion: Loading, dt: float, substeps: int) -> Sampled:
+def _limits(spec: DamperSpec, tested: OperatingRange, halving: Halving) -> dict[str, tuple[float, ...]]:
+    """What is believed, and what was tested: displacement, velocity, acceleration, lowest and highest command."""
+    hertz = max(tested.velocity / (2.0 * np.pi * tested.stroke), *(tested.frequency or (0.0,)))
+    lowest, highest = tested.command or (0.0, 1.0)
+    if not spec.follows_command:
+        # Nothing depends on it.
+        lowest, highest = -10.0 * max(-lowest, highest, 1.0), 10.0 * max(-lowest, highest, 1.0)
+    speed, omega = halving.speeds[-1], 2.0 * np.pi * hertz
+    return {
+        "believed": (
+            max(_STROKES * tested.stroke, _ANYWHERE),
+            speed,
+            _FASTER * omega * speed,
+            lowest,
+            highest,
+        ),
+        "tested": (
+            tested.stroke,
+            (1.0 + _TOLERANCE) * tested.velocity,
+            omega * tested.velocity,
+            lowest,
+            highest,
+        ),
+    }
+
+
+def _of_straight_lines(
+    spec: DamperSpec,
+    theta: Floats,
+    tested: OperatingRange,
+    motion: Loading,
+    samples: Sampled,
+    sample_time: float,
+    halving: Halving,
+) -> str:
+    """How far the force under straight lines is from that of the motion, in a smooth one first."""
+    smooth = _sine(spec, tested, sample_time)
+    finest = simulate_forces(spec, theta[None], smooth.history(), substep_factor=_FINEST)
+    sine = _sampled(spec, theta, smooth, sample_time, halving).force
+
+    def percent(force: Floats, right: Floats) -> float:
+        return 100.0 * float(np.sqrt(np.mean((force - right) ** 2)) / np.sqrt(np.mean(right**2)))
+
+    sentence = (
+        f"Between samples the motion is straight: at {of_unit(sample_time, 's')} the force of this damper differs by "
+        f"{percent(sine, finest.force[0]):.2g} % rms from the one under a sine of the tested stroke and velocity, "
+        f"{tested.velocity / (2.0 * np.pi * tested.stroke):.3g} Hz, through the same samples."
+    )
+    exact = simulate_forces(spec, theta[None], motion.history())
+    if exact.outcome[0] != Outcome.FINISHED:
+        return sentence
+    off = 100.0 * float(np.abs(samples.force - exact.force[0]).max() / np.abs(exact.force[0]).max())
+    return (
+        f"{sentence} Under the triangle of the check, whose corners a smooth motion cuts, it differs by "
+        f"{percent(samples.force, exact.force[0]):.2g} % rms, and by {off:.2g} % of the largest at corners."
+    )
+
+
+def _of_halving(halving: Halving, tested: OperatingRange) -> str:
+    """Up to which velocity the print is believed, and how it gets there."""
+    times = halving.speeds[-1] / tested.velocity
+    finer = f" {halving.most_substeps} sub-steps in a sample at most;" if times > 1.0 else ""
+    return (
+        f"Believed to {of_unit(halving.speeds[-1], 'm/s')}, {times:.3g} times the tested velocity:{finer} under sine, "
+        f"triangle and noise its error is at most {100.0 * halving.largest_error:.2g} % of the largest force, against "
+        f"{100.0 * halving.errors[0]:.2g} % of sine and triangle of the tested velocity. A velocity beyond is held to "
+        "that, and counted."
+    )
+
+
+def _sine(spec: DamperSpec, tested: OperatingRange, dt: float) -> Loading:
+    """A sine of the tested stroke and velocity at the highest command."""
+    hertz = tested.velocity / (2.0 * np.pi * tested.stroke)
+    count = max(_SAMPLES, round(_CYCLES / (hertz * dt)))
+    return Loading(
+        dt=dt,
+        displacement=tested.stroke * np.sin(2.0 * np.pi * hertz * dt * np.arange(count)),
+        command=np.full(count, tested.command[1]) if spec.follows_command and tested.command else None,
+        command_unit=spec.command_unit,
+    )
+
+
+def _sampled(spec: DamperSpec, theta: Floats, motion: Loading, dt: float, halving: Halving) -> Sampled:
     """The motion as a rig would measure it, with the force of straight lines."""
     stages = motion.history().stages(1)
     velocity = np.append(stages[:, 0, 1], stages[-1, -1, 1])
     command = (
         np.zeros(len(velocity)) if motion.command is None else np.asarray(motion.command, dtype=np.float64)
     )
-    force = _rust.straight_forces(
-        spec.core_name,
-        theta,
-        motion.displacement,
-        velocity,
-        command,
-        dt,
-        substeps,
-        [*map(str, spec.laws)],
-        spec.n_rates,
-    )
+    columns = np.stack([motion.displacement, velocity, command])
     return Sampled(
-        displacement=motion.displacement, velocity=velocity, command=command, force=np.asarray(force)
+        displacement=motion.displacement,
+        velocity=velocity,
+        command=command,
+        force=straight_forces(spec, theta, columns, dt, halving),
+    )
+
+
+def _and_fast(
+    spec: DamperSpec, theta: Floats, samples: Sampled, tested: OperatingRange, dt: float, halving: Halving
+) -> Sampled:
+    """The samples, and a part of a sine as fast as is believed behind them."""
+    hertz = _FAST_CYCLES * tested.velocity / (2.0 * np.pi * tested.stroke)
+    phase = 2.0 * np.pi * hertz * dt * np.arange(1, _FAST_SAMPLES + 1)
+    speed = halving.speeds[-1] * np.sin(phase)
+    moved = halving.speeds[-1] / (2.0 * np.pi * hertz) * (1.0 - np.cos(phase))
+    columns = np.stack(
+        [
+            np.append(samples.displacement, samples.displacement[-1] + moved),
+            np.append(samples.velocity, speed),
+            np.append(samples.command, np.full(phase.size, samples.command[-1])),
+        ]
+    )
+    displacement, velocity, command = columns
+    return Sampled(
+        displacement=displacement,
+        velocity=velocity,
+        command=command,
+        force=straight_forces(spec, theta, columns, dt, halving),
     )
 
 

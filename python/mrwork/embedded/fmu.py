@@ -26,7 +26,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from mrwork import __version__
 from mrwork.base.units import unit_of
-from mrwork.embedded.c_source import CSource, Signal
+from mrwork.embedded.c_source import CSource, Signal, status_bit
 from mrwork.errors import LibraryError, escape_text
 
 FMIVersion = Literal["2.0", "3.0"]
@@ -47,6 +47,12 @@ _BINARIES: Final[Mapping[tuple[str, str], _Binary]] = {
 }
 # A contracted multiplication and addition would have other bits than the product.
 _FLAGS: Final = ("-std=c99", "-O2", "-ffp-contract=off")
+# Functions of a shared library have the names of the standard, without the prefix of static ones.
+_SHARED: Final = ("-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
+# The word of status, an output of every FMU.
+_STATUS: Final = Signal(
+    name="status", unit="", description="Bits of the last step, see NAME_status of the header"
+)
 # The base units of the standard have no volt; a cycle is a number there.
 _DERIVED: Final[Mapping[str, Mapping[str, int]]] = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
@@ -75,7 +81,7 @@ class _Variable:
     signal: Signal
     place: str
     causality: Literal["input", "parameter", "output", "local"] = "local"
-    variability: Literal["continuous", "discrete", "fixed", "tunable"] = "continuous"
+    variability: Literal["continuous", "discrete", "tunable"] = "continuous"
     derivative_of: int | None = None
 
     @property
@@ -156,6 +162,10 @@ def _resource(name: str) -> str:
 
 
 def _text_of(root: Element) -> str:
+    # No document of XML has a control character, not even escaped.
+    for element in root.iter():
+        for name, value in element.attrib.items():
+            element.set(name, escape_text(value))
     indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(root, encoding="unicode")}\n'
 
@@ -173,6 +183,7 @@ def _shared_library(contents: Mapping[str, bytes], names: Sequence[str], compile
         command = [
             compiler,
             *_FLAGS,
+            *_SHARED,
             "-fPIC",
             "-shared",
             "-fvisibility=hidden",
@@ -224,7 +235,7 @@ def _variables(source: CSource, version: FMIVersion) -> list[_Variable]:
             signal=replace(entry, name=f"parameters.{entry.name}") if entry.name in taken else entry,
             place=f"parameters.{entry.name}",
             causality="parameter",
-            variability="fixed" if source.kind == "damper" else "tunable",
+            variability="tunable",
         )
         for entry in source.parameters
     ]
@@ -239,6 +250,12 @@ def _variables(source: CSource, version: FMIVersion) -> list[_Variable]:
                 variability="continuous" if source.kind == "damper" else "discrete",
             )
             for n, entry in enumerate(source.outputs)
+        ),
+        _Variable(
+            signal=replace(_STATUS, description=_STATUS.description.replace("NAME", source.name)),
+            place=f"output[{len(source.outputs)}]",
+            causality="output",
+            variability="discrete",
         ),
     ]
     rates = [
@@ -260,7 +277,9 @@ def _frame(source: CSource, version: FMIVersion, token: str, variables: Sequence
     """The C of the frame: what it must know of the source, then the text of the package for this kind and version."""
     n_settable = len(source.inputs) + len(source.parameters)
     n_rates = source.n_states + source.is_lagged
-    first_state = n_settable + len(source.outputs) + 1
+    # Outputs, and the word of status.
+    n_outputs = len(source.outputs) + 1
+    first_state = n_settable + n_outputs + 1
     time = ["    V(0, time, 0.0)"]
     rows = [
         f"    V({number}, {entry.place}, {entry.start or 0.0!r})"
@@ -273,7 +292,10 @@ def _frame(source: CSource, version: FMIVersion, token: str, variables: Sequence
         "IS_LAGGED": int(source.is_lagged),
         "N_INPUTS": len(source.inputs),
         "N_SETTABLE": n_settable,
-        "N_OUTPUTS": len(source.outputs),
+        "N_OUTPUTS": n_outputs,
+        "MODEL_PREFIX": f"{source.name}_",
+        "STATUS_COMMAND_LIMITED": status_bit("command_limited"),
+        "STATUS_OUTSIDE_TESTED": status_bit("outside_tested"),
         "N_RATES": n_rates,
         "FIRST_STATE": first_state,
         "FIRST_RATE": first_state + n_rates,
@@ -354,7 +376,8 @@ def _add_interfaces(root: Element, source: CSource, version: FMIVersion) -> None
         return
     can = ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate")
     about = {"modelIdentifier": source.name, **dict.fromkeys(can, "true")}
-    interfaces = [SubElement(root, "CoSimulation", about)]
+    varying = {"canHandleVariableCommunicationStepSize": "true"}
+    interfaces = [SubElement(root, "CoSimulation", about | varying)]
     if _has_model_exchange(source, version):
         root.insert(0, Element("ModelExchange", {**about, "completedIntegratorStepNotNeeded": "true"}))
         interfaces.append(root[0])
@@ -429,14 +452,19 @@ def _page(source: CSource, variables: Sequence[_Variable]) -> str:
     use = _USE[source.kind].format(grid=f"{_grid(source):g}")
     rows = "\n".join(
         f"<tr><td>{html.escape(entry.signal.name)}</td><td>{entry.causality}</td>"
-        f"<td>{html.escape(entry.signal.unit)}</td><td>{html.escape(entry.signal.description)}</td></tr>"
+        f"<td>{html.escape(entry.signal.unit)}</td><td>{_escaped(entry.signal.description)}</td></tr>"
         for entry in variables
     )
-    compiled = " ".join(("cc", *_FLAGS, *(f"sources/{name}" for name in _compiled_files(source))))
+    compiled = " ".join(("cc", *_FLAGS, *_SHARED, *(f"sources/{name}" for name in _compiled_files(source))))
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{source.name}</title></head><body>\n'
-        f"<h1>{source.name}</h1>\n<p>{html.escape(source.description)}</p>\n<p>{html.escape(use)}</p>\n"
+        f"<h1>{source.name}</h1>\n<p>{_escaped(source.description)}</p>\n<p>{html.escape(use)}</p>\n"
         f"<table>\n<tr><th>variable</th><th>causality</th><th>unit</th><th>meaning</th></tr>\n{rows}\n</table>\n"
         f"<p>The sources need a compiler of C99 and its mathematical library: <code>{compiled} -lm</code>. "
         "Where a compiler contracts multiplications and additions, last digits differ.</p>\n</body></html>\n"
     )
+
+
+def _escaped(text: str) -> str:
+    """A text of a user within the page."""
+    return html.escape(escape_text(text))

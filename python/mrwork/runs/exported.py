@@ -23,7 +23,7 @@ from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_text
 from mrwork.runs.load import read_run
 from mrwork.runs.printed import controller_of_study, damper_of_fit, files_of, write_files
-from mrwork.runs.wanted import Command, Error, Law, Libm, Single, Target, TimeStep, Wanted
+from mrwork.runs.wanted import Command, Error, Example, Law, Libm, Single, Target, TimeStep, Wanted
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
@@ -42,6 +42,7 @@ def export(
     libm: Libm = False,
     single: Single = False,
     law: Law = None,
+    example: Example = False,
     replace: bool = False,
 ) -> Path:
     """Write a fit, a study or a tuning in the form of another program, in SI.
@@ -86,7 +87,14 @@ def export(
     """
     path = Path(output)
     wanted = Wanted(
-        to=to, command=command, error=error, time_step=time_step, libm=libm, single=single, law=law
+        to=to,
+        command=command,
+        error=error,
+        time_step=time_step,
+        libm=libm,
+        single=single,
+        law=law,
+        example=example,
     )
     if to in ("c", "fmu"):
         write_files(path, files_of(printed(run, wanted, path), to), replace=replace)
@@ -104,13 +112,15 @@ def printed(run: str | Path | Fit | StudyResults, wanted: Wanted, folder: Path) 
             raise SettingError(
                 "the sample time of a controller is that of its hardware; leave the time step out"
             )
-        return controller_of_study(Path(run), name, flavour, wanted.law)
+        return controller_of_study(Path(run), name, flavour, wanted.law, example=wanted.example)
     opened = read_run(Path(run)) if isinstance(run, str | Path) else run
     if not isinstance(opened, Fit):
         raise SettingError(
             "a run of a study or a tuning is not printed as C; give the run folder of mrwork identify for a damper, or "
             "the study file for a controller"
         )
+    if wanted.example:
+        raise SettingError("the example is a program around a controller; leave it out, or give a study file")
     if wanted.law is not None:
         raise SettingError("a fit has no control law; leave the law out, or give a study file")
     return damper_of_fit(opened, name, flavour, wanted.time_step)

@@ -47,7 +47,9 @@ def damper_of_fit(fit: Fit, name: str, flavour: Flavour, time_step: float | None
     )
 
 
-def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | None) -> CSource:
+def controller_of_study(
+    path: Path, name: str, flavour: Flavour, label: str | None, *, example: bool = False
+) -> CSource:
     """The C of the controller of a law of a study file, which is designed as a run of the study designs it."""
     study = designed(read_study(path))
     printable = {
@@ -79,6 +81,7 @@ def controller_of_study(path: Path, name: str, flavour: Flavour, label: str | No
         flavour,
         unit="N" if law.spec.commands_force else study.command_unit,
         origin=(f"Study: {study.title}; law: {label}", *law.notes),
+        example=example,
     )
 
 

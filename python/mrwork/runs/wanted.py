@@ -26,6 +26,9 @@ TimeStep = Annotated[
 ]
 Libm = Annotated[bool, Says("C calls exp, log, pow and tanh of math.h, which changes last bits")]
 Single = Annotated[bool, Says("C computes with float")]
+Example = Annotated[
+    bool, Says("C of a controller comes with a program around it to copy, and a Makefile for it")
+]
 Law = Annotated[
     str | None, Says("law of the study whose controller is printed as C, where there are several")
 ]
@@ -37,6 +40,7 @@ _TARGETS: dict[str, tuple[Target, ...]] = {
     "time_step": ("opensees", "c", "fmu"),
     "libm": ("c",),
     "single": ("c",),
+    "example": ("c",),
     "law": ("c", "fmu"),
 }
 
@@ -52,6 +56,7 @@ class Wanted:
     libm: Libm = False
     single: Single = False
     law: Law = None
+    example: Example = False
 
     def __post_init__(self) -> None:
         for name, targets in _TARGETS.items():

@@ -53,7 +53,7 @@ impl DamperModel for BoucWen {
         [start, middle, end]: [&Parameters<R>; 3],
         [z]: [R; 1],
         [x_start, x_middle, x_end]: [Motion<V>; 3],
-        step: f64,
+        step: V,
     ) -> [R; 1] {
         let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
         [Hysteresis::step::<V, SHORT>(loops, z, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]

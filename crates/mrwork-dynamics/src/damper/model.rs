@@ -1,5 +1,7 @@
 //! The trait of damper models and the types of its functions.
 
+use core::ops::{Div, Mul};
+
 use crate::parameters::{FromSlice, ParamSpec};
 use crate::real::Real;
 
@@ -73,24 +75,24 @@ impl<V> Motion<V> {
     }
 }
 
-/// A number of the motion of a step: a plain one, the same in every lane, or one that is recorded.
-pub trait MotionNumber<R: Real>: Copy {
+/// A number of the motion of a step, or its length: a plain one, the same in every lane, or one that is recorded.
+pub trait MotionNumber<R: Real>: Copy + Mul<Output = Self> + Div<Output = Self> {
+    /// A number that is known.
+    fn of(value: f64) -> Self;
     /// The same number in every lane.
     fn splat(self) -> R;
-    /// A multiple.
-    fn times(self, factor: f64) -> Self;
     /// A pair as it is where the sign bit is clear, exchanged where it is set.
     fn exchanged(self, pair: &[R; 2]) -> [R; 2];
 }
 
 impl<R: Real> MotionNumber<R> for f64 {
     #[inline(always)]
-    fn splat(self) -> R {
-        R::splat(self)
+    fn of(value: f64) -> Self {
+        value
     }
     #[inline(always)]
-    fn times(self, factor: f64) -> Self {
-        self * factor
+    fn splat(self) -> R {
+        R::splat(self)
     }
     #[inline(always)]
     fn exchanged(self, pair: &[R; 2]) -> [R; 2] {
@@ -200,22 +202,22 @@ pub trait DamperModel: Copy + Sync {
         [p_start, p_middle, p_end]: [&Self::Parameters<R>; 3],
         state: Self::State<R>,
         [start, middle, end]: [Motion<V>; 3],
-        step: f64,
+        step: V,
     ) -> Self::State<R> {
-        let (half, sixth, third) = (0.5 * step, step / 6.0, step / 3.0);
+        let (half, sixth, third) = (V::of(0.5) * step, step / V::of(6.0), step / V::of(3.0));
         // The stages are a loop, not four calls: written out, a pack of lanes outgrows the instruction cache.
         let stages = [
             (p_start, start, half, sixth),
             (p_middle, middle, half, third),
             (p_middle, middle, step, third),
-            (p_end, end, 0.0, sixth),
+            (p_end, end, V::of(0.0), sixth),
         ];
         let mut at = state;
         let mut next = state;
         for (p, motion, reach, weight) in stages {
             let rate = Self::rate(p, at, motion.splat());
-            at = state.advance(R::splat(reach), rate);
-            next = next.advance(R::splat(weight), rate);
+            at = state.advance(reach.splat(), rate);
+            next = next.advance(weight.splat(), rate);
         }
         next
     }

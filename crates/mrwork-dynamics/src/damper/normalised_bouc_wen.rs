@@ -56,7 +56,7 @@ impl DamperModel for NormalisedBoucWen {
         [start, middle, end]: [&Parameters<R>; 3],
         [w]: [R; 1],
         [x_start, x_middle, x_end]: [Motion<V>; 3],
-        step: f64,
+        step: V,
     ) -> [R; 1] {
         let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
         [Hysteresis::step::<V, SHORT>(loops, w, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
@@ -113,13 +113,13 @@ impl<R: Real> Hysteresis<R> {
         [start, middle, end]: [&Self; 3],
         w: R,
         [v_start, v_middle, v_end]: [V; 3],
-        step: f64,
+        step: V,
     ) -> R {
         // Rates are worked out over half a step: the reach of the first two stages.
-        let half = 0.5 * step;
-        let first = start.slope * v_start.times(half).splat();
-        let second = middle.slope * v_middle.times(half).splat();
-        let last = end.slope * v_end.times(half).splat();
+        let half = V::of(0.5) * step;
+        let first = start.slope * (v_start * half).splat();
+        let second = middle.slope * (v_middle * half).splat();
+        let last = end.slope * (v_end * half).splat();
         let whole = second + second;
         let mut sum = w;
         if SHORT || (start.exponent.is_two() && middle.exponent.is_two() && end.exponent.is_two()) {

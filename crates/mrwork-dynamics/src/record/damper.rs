@@ -14,11 +14,11 @@ use crate::real::Real;
 type T = Term<false>;
 
 impl MotionNumber<Self> for T {
+    fn of(value: f64) -> Self {
+        <Self as Real>::splat(value)
+    }
     fn splat(self) -> Self {
         self
-    }
-    fn times(self, factor: f64) -> Self {
-        self * <Self as Real>::splat(factor)
     }
     fn exchanged(self, &[first, second]: &[Self; 2]) -> [Self; 2] {
         [self.by_sign(first, second), self.by_sign(second, first)]
@@ -28,9 +28,9 @@ impl MotionNumber<Self> for T {
 /// Statements of the functions of a damper, whose memory is `m`.
 ///
 /// `m->prepared` are the coefficients as the laws take them, `m->p` the parameters at the current in the coil, `m->state` the
-/// states and `m->decay[]` the factors by which the driver's lag shrinks in half a sub-step, one for each rate.
+/// states and `m->decay[][]` the factors by which the driver's lag shrinks in half a step, for each length a factor of each rate.
 pub struct DamperText {
-    /// Fills `m->prepared` and, with a lag, `m->decay[]` from the coefficients.
+    /// Fills `m->prepared` and, with a lag, `m->decay[][]` from the coefficients.
     pub prepare: String,
     /// Fills `p[]` from `m->prepared` and `current`.
     pub parameters: String,
@@ -38,7 +38,7 @@ pub struct DamperText {
     pub force: String,
     /// Fills `rate[]` at the motion `x`, `v`.
     pub rate: String,
-    /// Moves `m->state` by a sub-step with `motion[6]`, displacement and velocity at its start, middle and end; with a lag from
+    /// Moves `m->state` by a step of length `step` with `motion[6]`, displacement and velocity at its start, middle and end; with a lag from
     /// the parameters `m->p`, `middle` and `end`.
     pub substep: String,
     /// Length of `m->prepared`.
@@ -50,7 +50,7 @@ pub struct DamperText {
 struct Recorded<'a> {
     coefficients: &'a [String],
     laws: &'a CurrentLaws,
-    step: f64,
+    steps: &'a [f64],
     precision: Precision,
     calls: Cell<bool>,
 }
@@ -77,7 +77,10 @@ impl Recorded<'_> {
         self.laws.prepare(&mut columns);
         let mut ends = Vec::new();
         if self.laws.are_lagged() {
-            ends = assigned("m->decay", Decay::of(self.laws.rates(&columns), self.step).factors());
+            let rates = self.laws.rates(&columns);
+            for (number, &step) in self.steps.iter().enumerate() {
+                ends.extend(assigned(&format!("m->decay[{number}]"), Decay::of(rates, step).factors()));
+            }
         }
         self.statements(&formula, assigned("m->prepared", columns).into_iter().chain(ends))
     }
@@ -112,12 +115,13 @@ impl Recorded<'_> {
             names.iter().map(|name| formula.inputs(name, self.laws.n_params())).collect();
         let p = [0, 1, 2].map(|stage| model.parameters(values.get(stage).unwrap_or(&values[0])));
         let state = formula.inputs("m->state", model.n_states());
+        let step = formula.input("step");
         let motion = formula.inputs("motion", 6);
         let motions =
             [0, 2, 4].map(|place| Motion { displacement: motion[place], velocity: motion[place + 1] });
         let count = state.len();
         let state = M::State::from_fn(|entry| entry_of(&state, entry));
-        let mut next = terms_of(M::step::<T, T, false>(p.each_ref(), state, motions, self.step));
+        let mut next = terms_of(M::step::<T, T, false>(p.each_ref(), state, motions, step));
         next.truncate(count);
         let places: Vec<String> = (0..next.len()).map(|entry| format!("m->state[{entry}]")).collect();
         self.calls.set(self.calls.get() | Formula::calls());
@@ -150,15 +154,15 @@ impl ModelVisitor<DamperText> for Recorded<'_> {
     }
 }
 
-/// The functions of the damper of that name with these laws; `coefficients` are the expressions of their values, and `step` is
-/// the length of a sub-step [s]. `None` where no damper has that name.
+/// The functions of the damper of that name with these laws; `coefficients` are the expressions of their values, and `steps` the
+/// lengths of the steps that it takes [s]. `None` where no damper has that name.
 #[must_use]
 pub fn damper_text(
     name: &str,
     coefficients: &[String],
     laws: &CurrentLaws,
-    step: f64,
+    steps: &[f64],
     precision: Precision,
 ) -> Option<DamperText> {
-    visit(name, Recorded { coefficients, laws, step, precision, calls: Cell::new(false) })
+    visit(name, Recorded { coefficients, laws, steps, precision, calls: Cell::new(false) })
 }

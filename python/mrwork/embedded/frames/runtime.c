@@ -1,3 +1,6 @@
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "This code tells readings that are not numbers from others, which -ffast-math takes for granted: compile without it."
+#endif
 /* Contraction would round otherwise than the lanes; gcc wants -std=c99, or -ffp-contract=off in its gnu modes. */
 #ifdef __clang__
 #pragma STDC FP_CONTRACT OFF

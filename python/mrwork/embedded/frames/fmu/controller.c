@@ -1,6 +1,5 @@
 /* The controller between two calls of the importer. */
 #define CHECKS_INPUTS 0 /* the controller itself replaces a reading that is not a number */
-#define FIXES_PARAMETERS 0
 #define GRID_WORDS "sample times"
 
 typedef struct {
@@ -18,6 +17,9 @@ static void begin(model *m)
     NAME_start(&m->memory);
 }
 
+static int is_beyond(const model *m) { return 0; }
+static int retune(model *m) { return 1; }
+
 /* The commands that readings as they stand would give: the memory stays as it is. */
 static void evaluate(model *m)
 {
@@ -27,6 +29,7 @@ static void evaluate(model *m)
     }
     memory = m->memory;
     NAME_step(&memory, &m->parameters, &m->input, m->output);
+    m->output[N_OUTPUTS - 1] = memory.status;
 }
 
 /* Samples with the readings at the start; the commands afterwards are those of the last one, held since. */
@@ -35,4 +38,5 @@ static void run(model *m, long count)
     for (long i = 0; i < count; ++i) {
         NAME_step(&m->memory, &m->parameters, &m->input, m->output);
     }
+    m->output[N_OUTPUTS - 1] = m->memory.status;
 }

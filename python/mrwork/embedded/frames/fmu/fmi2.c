@@ -36,7 +36,10 @@ typedef struct {
 } fmi2EventInfo;
 #endif
 
-/* Names have the prefix that an importer defines who links statically, and none in a shared library. */
+/* Names have a prefix for who links statically, by the standard that of the model; a shared library overrides it. */
+#ifndef FMI2_FUNCTION_PREFIX
+#define FMI2_FUNCTION_PREFIX MODEL_PREFIX
+#endif
 #ifdef fmi2Functions_h
 #define FMI(name) fmi2##name
 #else
@@ -66,7 +69,11 @@ static fmi2Status refuse(const component *c, const char *sentence)
 
 static fmi2Status answer(const component *c, const char *sentence)
 {
-    return sentence == NULL ? fmi2OK : refuse(c, sentence);
+    if (sentence == NULL) {
+        return fmi2OK;
+    }
+    refuse(c, sentence);
+    return sentence == beyond ? fmi2Discard : fmi2Error;
 }
 
 EXPORTED const char *FMI(GetTypesPlatform)(void) { return fmi2TypesPlatform; }

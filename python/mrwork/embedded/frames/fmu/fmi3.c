@@ -40,7 +40,10 @@ typedef void (*fmi3LockPreemptionCallback)(void);
 typedef void (*fmi3UnlockPreemptionCallback)(void);
 #endif
 
-/* Names have the prefix that an importer defines who links statically, and none in a shared library. */
+/* Names have a prefix for who links statically, by the standard that of the model; a shared library overrides it. */
+#ifndef FMI3_FUNCTION_PREFIX
+#define FMI3_FUNCTION_PREFIX MODEL_PREFIX
+#endif
 #ifdef fmi3Functions_h
 #define FMI(name) fmi3##name
 #else
@@ -70,7 +73,11 @@ static fmi3Status refuse(const instance *i, const char *sentence)
 
 static fmi3Status answer(const instance *i, const char *sentence)
 {
-    return sentence == NULL ? fmi3OK : refuse(i, sentence);
+    if (sentence == NULL) {
+        return fmi3OK;
+    }
+    refuse(i, sentence);
+    return sentence == beyond ? fmi3Discard : fmi3Error;
 }
 
 static fmi3Status has_no(const instance *i)

@@ -1,4 +1,6 @@
-/* What both standards ask of the model; a sentence that is returned says why not. */
+/* What both standards ask of the model; a sentence that is returned says why not, and one of them is no error. */
+static const char beyond[] = "displacement or velocity is beyond what this damper is believed for; take a smaller step";
+
 static double *place_of(model *m, unsigned long reference)
 {
 #define PLACE(number, field, value) case number: return &m->field;
@@ -35,10 +37,15 @@ static const char *set_variable(model *m, unsigned long reference, double value)
     if (!isfinite(value) && (CHECKS_INPUTS || reference > N_INPUTS)) {
         return "a value that is set must be a finite number";
     }
-    if (FIXES_PARAMETERS && m->is_running && reference > N_INPUTS) {
-        return "a parameter can be set before the end of the initialisation alone";
+    {
+        double *place = place_of(m, reference);
+        const double before = *place;
+        *place = value;
+        if (m->is_running && reference > N_INPUTS && !retune(m)) {
+            *place = before;
+            return "with this value the model is not finite, or too stiff for the sub-steps of the fitted parameters";
+        }
     }
-    *place_of(m, reference) = value;
     m->is_stale = 1;
     return NULL;
 }
@@ -48,6 +55,9 @@ static const char *get_variable(model *m, unsigned long reference, double *value
     const double *place = place_of(m, reference);
     if (place == NULL) {
         return "the model has no variable with this value reference";
+    }
+    if (m->is_stale && reference > N_SETTABLE && is_beyond(m)) {
+        return beyond;
     }
     if (m->is_stale) {
         evaluate(m);
@@ -66,6 +76,9 @@ static const char *advance(model *m, double time, double step)
     }
     if (!(count >= 1.0 && count < 1e9 && fabs(step - count * GRID) <= 1e-6 * GRID + 1e-15 * fabs(time))) {
         return "the communication step must be a whole number of " GRID_WORDS " of " TEXT_OF(GRID) " s";
+    }
+    if (is_beyond(m)) {
+        return beyond;
     }
     run(m, (long)count);
     m->time = time + step;
