@@ -1,11 +1,13 @@
 """A mass, lag or delay of the recorded force that tests at several frequencies have in common."""
 
+import warnings
 from dataclasses import replace
 from typing import Any
 from unittest import mock
 
 import numpy as np
 import pytest
+from scipy import optimize, signal
 
 import mrwork as mr
 from mrwork.errors import SettingError
@@ -249,6 +251,62 @@ def test_sliders_are_told_the_given_observation_of_a_test() -> None:
     # Four tests with friction of other lengths than that of the sliders tell 3 kg of a mass.
     assert (found, left) == (pytest.approx(40.0, abs=3.0), pytest.approx(0.0, abs=3.0))
     assert seconds == pytest.approx(0.006, abs=1e-3)
+
+
+def behind_a_spring(stiffness: float, lag: float = 0.0) -> list[DamperTest]:
+    """Sines of a dashpot with friction behind a spring, or on a rigid mount with a late force; no mass."""
+
+    def carried(speed: float) -> float:
+        return 3000.0 * speed + 150.0 * np.tanh(speed / 0.02)
+
+    rng, tests = np.random.default_rng(3), []
+    for amplitude, frequency in (
+        (18e-3, 0.5),
+        (11e-3, 1.1),
+        (7e-3, 2.2),
+        (4e-3, 3.6),
+        (15e-3, 1.5),
+        (5e-3, 1.4),
+    ):
+        fine = np.linspace(0.0, 4.0 / frequency, 319 * 10 + 1)
+        across, step = amplitude * np.sin(2.0 * np.pi * frequency * fine), float(fine[1])
+        speeds = 2.0 * np.pi * frequency * amplitude * np.cos(2.0 * np.pi * frequency * fine)
+        force = 3000.0 * speeds + 150.0 * np.tanh(speeds / 0.02) + 1e4 * across
+        inside = 0.0
+        for number, outside in enumerate(across.tolist() if np.isfinite(stiffness) else []):
+            force[number] = pull = stiffness * (outside - inside)
+            # The speed at which dashpot, friction and the damper's own spring carry the force of the mount.
+            pull -= 1e4 * inside
+            inside += step * optimize.brentq(
+                lambda speed, pull=pull: carried(speed) - pull, -2.0, 2.0, xtol=1e-9
+            )
+        time, recorded_force = fine[::10], force[::10]
+        if lag:
+            decay = np.exp(-time[1] / lag)
+            recorded_force = signal.lfilter([1.0 - decay], [1.0, -decay], recorded_force)
+        noisy = across[::10] + rng.normal(0.0, 3e-4 * amplitude, time.size)
+        noisy_force = recorded_force + rng.normal(0.0, 4.0, time.size)
+        name = f"{amplitude:g} m {frequency:g} Hz"
+        tests.append(mr.test_from_arrays(name=name, time=time, displacement=noisy, force=noisy_force))
+    return tests
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "lag", "told"), [(2e5, 0.0, True), (3e5, 0.0, True), (np.inf, 0.008, False)]
+)
+def test_a_spring_in_series_is_told_in_the_place_of_a_mass_or_a_late_force(
+    stiffness: float, lag: float, told: bool
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        fit = mr.identify("normalised_bouc_wen", behind_a_spring(stiffness, lag), threads=1)
+    about = {remark.code: remark for remark in fit.remarks}
+    assert ("spring_in_series" in about) is told
+    assert ("effects_unfitted" in about) is not told
+    if told:
+        measured = about["spring_in_series"].measured
+        assert measured is not None
+        assert measured.value == pytest.approx(stiffness, rel=0.05)
 
 
 def test_a_mass_at_one_frequency_is_noted_beside_the_stiffness_that_it_takes_away() -> None:

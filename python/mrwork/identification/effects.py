@@ -13,7 +13,7 @@ late force by its corners at reversals, see `delay_remark`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Final
 
@@ -42,7 +42,7 @@ from mrwork.identification.sliders import COARSE, RIDGE, SliderFit, Sliders
 from mrwork.identification.suspicious import force_noise
 from mrwork.identification.verdicts import NEGLIGIBLE
 from mrwork.records import DamperTest
-from mrwork.records.motion import spectrum
+from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.observation import EFFECTS, Effect
 
 Effects = tuple[Effect, ...]
@@ -81,6 +81,8 @@ _MOST_SHARE = 10.0
 _ALIKE = 0.02
 # Share by which misfits of predictions may differ where the error of a mass counts what both fits say of it.
 _ABOUT = 0.05
+# Shares of the stroke that a spring in series may take, the points of a grid over them, and the steps from its best.
+_TAKEN, _GRID, _GOLDEN = (0.01, 0.4), 10, 14
 _IT: Final = {1: "it", 2: "both"}
 _UNKNOWN_DELAY: Final = RemarkKind(
     "delay_unknown",
@@ -379,6 +381,14 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
 _PAY: Final = "{found}: with {it} {who} to the other tests predict each to {predicted}"
 EFFECTS_FITTED: Final = RemarkKind("effects_fitted", f"{_PAY}; fitted with the parameters")
 _UNFITTED: Final = RemarkKind("effects_unfitted", _PAY, "fit {it} by {options}{unless}")
+_SPRING: Final = RemarkKind(
+    "spring_in_series",
+    "sliders and dashpots behind a spring in series of {value:.2g} N/m predict the other tests each to {spring:.2f} %, "
+    "with {effect} in its place to {best:.2f} %, and with neither to {neither:.2f} %: a mount or a bushing that gives "
+    "explains the tests as well",
+    "measure the displacement across the damper alone, or push it slowly with the piston held, which tells the "
+    "stiffness of the mount",
+)
 _HIDDEN: Final = RemarkKind(
     "effects_hidden",
     "without a mass that moves between damper and load cell, or a late force, the fit reaches {percent:.0f} %, and "
@@ -388,13 +398,22 @@ _HIDDEN: Final = RemarkKind(
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Spring:
+    """A spring in series [N/m], and the misfit with which sliders behind it predict parts of tests."""
+
+    stiffness: float
+    predicted: float
+
+
 @array_dataclass()
 class _Weighing:
     """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
 
     Fits of sliders weighed them where these predict tests better than the model. `earlier` is the misfit of
     predictions without effects, `own` that of the fit of the model, `least` that of its best. None is the best with a
-    model that describes too little, or of too few tests, and `is_told` whether they may pay.
+    model that describes too little, or of too few tests, or where a `spring` in series predicts better, and `is_told`
+    whether they may pay.
     """
 
     problem: Problem
@@ -405,6 +424,7 @@ class _Weighing:
     own: float
     least: float
     is_told: bool
+    spring: _Spring | None = None
 
     @property
     def by_sliders(self) -> bool:
@@ -422,6 +442,14 @@ class _Weighing:
         The `kind` says whether they are fitted; it is another one where none is the best.
         """
         best, told, sizes = self.best, list[str](), list[Measured]()
+        if self.spring is not None:
+            beside = min(self.weighed, key=lambda fit: fit.predicted)
+            errors = {"spring": self.spring.predicted, "best": beside.predicted, "neither": self.earlier}
+            return _SPRING.remark(
+                measured=Measured(self.spring.stiffness, "N/m"),
+                effect=" and ".join(f"a {effect.name}" for effect in beside.effects),
+                **{name: 100.0 * (1.0 - error) for name, error in errors.items()},
+            )
         if best is None:
             most = Measured(100.0 * (1.0 - self.least), "%")
             return _HIDDEN.remark(measured=most, percent=100.0 * (1.0 - self.own))
@@ -544,7 +572,11 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Weighing | None:
     else:
         weighed = by_model
     weighed.sort(key=_preference)
-    best = _best_of(weighed, earlier)
+    best, spring = _best_of(weighed, earlier), None
+    if best is not None:
+        behind = _behind_spring(excerpts.tests, groups)
+        if behind.predicted < (1.0 + _ABOUT) * min(each.predicted for each in weighed):
+            best, spring = None, behind
     misfit = float(np.linalg.norm(slopes.residuals))
     least = min([misfit, *(each.misfit for each in by_model)])
     is_noise = least * np.sqrt(np.mean([test.variance for test in slopes.objective.compared])) <= (
@@ -561,7 +593,10 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Weighing | None:
         earlier=earlier,
         own=misfit,
         least=least,
-        is_told=best is not None or (may_pay and not any(pooled_commands(tests, (problem.spec,)))),
+        spring=spring,
+        is_told=best is not None
+        or spring is not None
+        or (may_pay and not any(pooled_commands(tests, (problem.spec,)))),
     )
 
 
@@ -608,6 +643,24 @@ def _weigh_by_sliders(
             errors[0] = np.hypot(errors[0], np.abs(apart).max(initial=0.0))
         weighed.append(replace(fit, errors=errors))
     return weighed, FitWithEffects.by_sliders(sliders.fit(()), (), groups).predicted
+
+
+def _behind_spring(tests: Sequence[DamperTest], groups: NDArray[np.intp]) -> _Spring:
+    """The spring in series behind which sliders predict parts of the tests best."""
+    from scipy.optimize import minimize_scalar  # slow to load and rarely needed
+
+    sliders, forces = Sliders.of(tests), [smooth_motion(test.force, test.dt) for test in tests]
+    largest = max(float(np.ptp(test.displacement) / np.ptp(test.force)) for test in tests)
+
+    def predicted(log_compliance: float) -> float:
+        fit = sliders.behind(float(np.exp(log_compliance)), forces).fit(())
+        return FitWithEffects.by_sliders(fit, (), groups).predicted
+
+    grid = np.log(largest * np.geomspace(*_TAKEN, _GRID))
+    least = int(np.argmin([predicted(each) for each in grid.tolist()]))
+    ends = float(grid[max(least - 1, 0)]), float(grid[min(least + 1, _GRID - 1)])
+    found = minimize_scalar(predicted, bounds=ends, method="bounded", options={"maxiter": _GOLDEN})
+    return _Spring(stiffness=float(np.exp(-found.x)), predicted=float(found.fun))
 
 
 def _absorbing(problem: Problem, effects: Effects) -> list[int]:

@@ -6,8 +6,9 @@ elements is linear in what it does not know,
     F(t) = sum_j f_j(I) z_j(t) + sum_j c_j(I) g_j(v) + k x + f_0 + m a,
 
 with sliders z_j in [-1, 1] that slip at displacements of their own (Iwan, J. Appl. Mech. 33, 1966, 893-900), odd
-functions g_j of the velocity, and polynomials f_j and c_j of the command I. Time shifts this force as a whole: the
-least-squares elements follow from a lag or delay, which Gauss-Newton steps find.
+functions g_j of the velocity, and polynomials f_j and c_j of the command I. Behind a spring in series, as a mount or a
+bushing is one, the motion of the elements is less by the measured force over its stiffness. Time shifts this force as a
+whole: the least-squares elements follow from a lag or delay, which Gauss-Newton steps find.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.base.arguments import unchecked
+from mrwork.base.arguments import replace_unchecked, unchecked
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level
 from mrwork.identification.objective import NormalEquations
 from mrwork.records import DamperTest
+from mrwork.records.motion import SmoothMotion
 from mrwork.records.observation import EFFECTS, Effect, Observation
 
 _observe = unchecked(Observation.observe)
@@ -80,23 +82,23 @@ class Sliders:
     @classmethod
     def of(cls, tests: Sequence[DamperTest], sizes: Elements = FINE) -> Sliders:
         """Elements of the size of the tests, each of which has a constant command, or none is known of."""
-        stroke = 0.5 * max(float(np.ptp(test.displacement)) for test in tests)
-        fastest = max(float(np.abs(test.velocity).max()) for test in tests)
-        commands = np.array([_command_of(test) for test in tests])
-        degree = min(np.unique(commands).size - 1, _MOST_DEGREE)
-        commands /= np.abs(commands).max() or 1.0
-        slips = stroke * np.geomspace(sizes.least, 0.5, sizes.n_slips)
-        elements = []
-        for test, sliders, command in zip(tests, _slide(tests, slips), commands, strict=True):
-            speed = test.velocity / fastest
-            damping = np.array([*sliders, speed, *(np.tanh(speed / share) for share in sizes.yields)])
-            by_command = np.concatenate([command**power * damping for power in range(degree + 1)])
-            elements.append(np.vstack([by_command, test.displacement / stroke, np.ones(test.n_time)]))
         return cls(
             tests=tuple(tests),
-            elements=tuple(elements),
+            elements=_elements_of(tests, sizes),
             accelerations=tuple(test.acceleration for test in tests),
         )
+
+    def behind(self, compliance: float, forces: Sequence[SmoothMotion]) -> Sliders:
+        """The elements behind a spring of this compliance [m/N], which takes its share of the motion by the force."""
+        moved = [
+            replace_unchecked(
+                test,
+                displacement=test.displacement - compliance * force.displacement,
+                velocity=test.velocity - compliance * force.velocity,
+            )
+            for test, force in zip(self.tests, forces, strict=True)
+        ]
+        return replace(self, elements=_elements_of(moved, FINE))
 
     def fit(self, effects: tuple[Effect, ...]) -> SliderFit:
         """Least squares of the elements with these effects: a mass, a lag or a delay, or a mass with either."""
@@ -158,6 +160,23 @@ class Sliders:
     def _scale(self, test: DamperTest) -> float:
         """Factor on residuals [1/N] with which the sum of their squares is the squared misfit of all tests."""
         return float(1.0 / np.sqrt(len(self.tests) * test.n_counted * np.var(test.force[test.counted])))
+
+
+def _elements_of(tests: Sequence[DamperTest], sizes: Elements) -> tuple[Floats, ...]:
+    """Forces of all elements in each test, (n_elements, n_time)."""
+    stroke = 0.5 * max(float(np.ptp(test.displacement)) for test in tests)
+    fastest = max(float(np.abs(test.velocity).max()) for test in tests)
+    commands = np.array([_command_of(test) for test in tests])
+    degree = min(np.unique(commands).size - 1, _MOST_DEGREE)
+    commands /= np.abs(commands).max() or 1.0
+    slips = stroke * np.geomspace(sizes.least, 0.5, sizes.n_slips)
+    elements = []
+    for test, sliders, command in zip(tests, _slide(tests, slips), commands, strict=True):
+        speed = test.velocity / fastest
+        damping = np.array([*sliders, speed, *(np.tanh(speed / share) for share in sizes.yields)])
+        by_command = np.concatenate([command**power * damping for power in range(degree + 1)])
+        elements.append(np.vstack([by_command, test.displacement / stroke, np.ones(test.n_time)]))
+    return tuple(elements)
 
 
 def _command_of(test: DamperTest) -> float:
