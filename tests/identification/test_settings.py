@@ -54,6 +54,8 @@ def test_each_setting_is_part_of_the_fingerprint() -> None:
         assert differences(facts, problem_fingerprint(Problem.of(SPEC, (TEST,), changed))), each.name
 
 
+# The gain of each test leaves the size of the force open.
+@pytest.mark.filterwarnings("ignore:the gain of the force")
 def test_a_fit_has_the_settings_it_was_made_with() -> None:
     settings = replace(OTHER, engine="lanes")
     fit = mr.identify(SPEC, TEST, **{each.name: getattr(settings, each.name) for each in fields(FitSettings)})

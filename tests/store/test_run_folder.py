@@ -163,7 +163,7 @@ def test_a_manifest_leads_nowhere_outside_its_folder(tmp_path: Path) -> None:
     place = write_fit(tmp_path / "run", FIT)
     (tmp_path / "precious.new").write_text("mine")
     (tmp_path / "precious").write_text("mine")
-    files = {"../precious": run_folder.digest_of("precious", b"mine")}
+    files = {"../precious": run_folder.file_digest("precious", b"mine")}
     for stated in ({"files": files, "replaced": {}}, {"files": {}, "replaced": files}):
         refusal(run_folder.end_commit, place, stated, match="outside that folder")
     assert contents(tmp_path).items() >= {"precious": b"mine", "precious.new": b"mine"}.items()

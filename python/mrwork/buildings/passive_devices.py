@@ -170,11 +170,6 @@ def with_lead_rubber_bearings(
 
 
 @checked
-def _mass_of_ratio(building: Building, entry: float) -> float:
-    """What mass ratios are of: the building, or its mode of this `entry` at the floor if nothing follows the ground."""
-    return building.total_mass if building.follows_ground else 1.0 / entry**2
-
-
 def with_liquid_column(
     building: Building,
     *,
@@ -396,3 +391,8 @@ def with_optimal_tuned_mass(
         ratio=ratio,
         name=name,
     )
+
+
+def _mass_of_ratio(building: Building, entry: float) -> float:
+    """What mass ratios are of: the building, or its mode of this `entry` at the floor if nothing follows the ground."""
+    return building.total_mass if building.follows_ground else 1.0 / entry**2
