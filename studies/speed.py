@@ -18,6 +18,7 @@ SUBJECTS = {  # with numbers of threads
     "kernels": [1, 2],
     "models": [1],
     "loop": [1, 2],
+    "formulas": [1],
     "identify": [1],
     "posterior": [1],
     "regulators": [1, 2],

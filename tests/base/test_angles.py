@@ -53,6 +53,20 @@ def test_the_core_has_the_numbers_of_libm(name: str) -> None:
     agree()
 
 
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_lanes_have_the_bits_of_one_number_on_every_instruction_set(name: str, instruction_set: str) -> None:
+    function, _, _ = FUNCTIONS[name]
+    spec = mr.own_damper("angles", parameters=PARAMETERS, force=lambda p, _, x, v: function(p.c * x, v))
+    rng = np.random.default_rng(4)
+    theta = rng.uniform(0.5, 2.0, (19, 1))
+    x, v = rng.normal(size=(2, 40)) * 10.0 ** rng.uniform(-3.0, 4.0, (2, 40))
+    found = mr.simulate(spec, theta, mr.Loading(dt=0.01, displacement=x, velocity=v))
+    one = [
+        [_rust.force(spec.core_name, row, np.zeros(0), *at) for at in zip(x, v, strict=True)] for row in theta
+    ]
+    np.testing.assert_array_equal(found, one)
+
+
 def test_special_numbers_are_those_of_numpy() -> None:
     special = (math.nan, math.inf, -math.inf, 0.0, -0.0, 1.0, -1.0, 1e300, -1e-310)
     angle = on_core(lambda x, v: np.arctan2(v, x))

@@ -14,6 +14,7 @@ from typing import Any
 
 import c_sources
 import numpy as np
+import own_dampers
 import pytest
 from c_sources import SUBSTEP
 from fmu_instances import Instance, Unpacked
@@ -24,7 +25,8 @@ from scipy.integrate import solve_ivp
 
 import mrwork as mr
 from mrwork.closed_loop.printed_loop import PrintedLoop
-from mrwork.embedded.c_source import CSource
+from mrwork.embedded.c_source import CSource, Flavour
+from mrwork.embedded.damper_c import damper_source
 from mrwork.embedded.fmu import FMIVersion, c_compiler, fmu_of
 from mrwork.errors import LibraryError
 
@@ -34,12 +36,28 @@ SOURCES: dict[str, Callable[[], CSource]] = {
     "stateless": c_sources.stateless,
     "controller": c_sources.controller,
     "law of the user": lambda: own_law()[1],
+    "damper of the user": lambda: own_damper(),
 }
 
 
 def own_law() -> tuple[PrintedLoop, CSource]:
     """A law of the user with memory, settings and sines."""
     return printed_law(five_storeys(), devices(rd1005()), mr.Hardware(), LAWS["phase"]())
+
+
+def own_damper() -> CSource:
+    """A loop of the user, whose sub-steps follow from its derivatives."""
+    tested = mr.records.OperatingRange(
+        stroke=0.02,
+        velocity=0.1,
+        frequency=None,
+        command=None,
+        command_unit=own_dampers.loop.command_unit,
+        force=1e3,
+        power=1.0,
+    )
+    spec = own_dampers.loop
+    return damper_source("mine", spec, spec.nominal, tested, Flavour(), sample_time=1e-3)
 
 
 VERSIONS: tuple[FMIVersion, ...] = ("2.0", "3.0")
@@ -394,6 +412,35 @@ def test_a_law_of_the_user_sends_the_commands_of_the_core(
     expected = mr._rust.law_commands(core, readings)[:, : core.n_commanded]
     np.testing.assert_array_equal(sent, expected[:, : len(sent[0])])
     assert np.unique(expected).size > 100
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_damper_of_the_user_has_the_forces_of_the_core(
+    version: FMIVersion, compiled: Callable[[str, FMIVersion], Unpacked]
+) -> None:
+    spec, source = own_dampers.loop, SOURCES["damper of the user"]()
+    theta, state, forces = np.array(spec.nominal), np.zeros(1), []
+    damper, h = Instance(compiled("damper of the user", version)), 1e-3 / source.substeps
+
+    def rate(at: np.ndarray, x: float) -> np.ndarray:
+        return mr._rust.rate(spec.core_name, theta, at, x, v)
+
+    for number in range(200):
+        x, v = (
+            0.01 * np.sin(0.05 * number),
+            0.1 * np.cos(0.05 * number),
+        )  # as tested: faster ones have more sub-steps
+        assert damper.set({"displacement": x, "velocity": v}) == 0
+        assert damper.step(number * 1e-3, 1e-3) == 0
+        for _ in range(source.substeps):
+            one = rate(state, x)
+            two = rate(state + 0.5 * h * one, x + 0.5 * h * v)
+            three = rate(state + 0.5 * h * two, x + 0.5 * h * v)
+            four = rate(state + h * three, x + h * v)
+            state, x = state + h / 6.0 * (one + 2.0 * two + 2.0 * three + four), x + h * v
+        forces.append(mr._rust.force(spec.core_name, theta, state, x, v))
+        np.testing.assert_allclose(damper.get("force")[0], forces[-1], rtol=1e-12, atol=1e-9)
+    assert np.ptp(forces) > 100.0
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -20,7 +20,7 @@ LONG = {
     *("boucwen_benchmark", "chapter_2", "chapter_3_design", "chapter_4", "chapter_5", "chapter_6_floors"),
     *("chapter_7", "first_answer", "fragility", "gradients", "how_sure", "leaderboard", "ride"),
     *("one_model_for_a_rig", "robust_control", "rollout", "rollout_yields", "sets_beyond", "weights_tuning"),
-    *("speed_identify", "speed_kernels", "speed_loop", "speed_posterior", "yielding_frame"),
+    *("speed_formulas", "speed_identify", "speed_kernels", "speed_loop", "speed_posterior", "yielding_frame"),
 }
 # Whose figures are written, here and by `.ci/bare`; those of the others are laid out only.
 DRAWN = "chapter_5"
