@@ -57,6 +57,7 @@ def points_from_race(problem: Problem, search: Race, *, call: Identifying) -> St
         search,
         searched=search_box(form.spec, form.box, objective.tests),
         rng=rng,
+        whole=problem.objective,
         on_search=on_search,
     )
     return StartingPoints.of_race(raced, form)

@@ -111,11 +111,13 @@ def race(
     *,
     searched: Box,
     rng: Seed,
+    whole: Objective | None = None,
     on_search: OnSearch = lambda found: None,
 ) -> Raced:
     """Minima inside `box` by the routes, in rounds until two routes agree or the budget of steps is spent.
 
-    Replaced parameters are drawn from the `searched` ranges. Without any minimum `theta` is empty.
+    Replaced parameters are drawn from the `searched` ranges. The minima of parts of tests are compared on the `whole`
+    of these, if it is given: a part may take one for another. Without any minimum `theta` is empty.
     """
     course = _Course(
         objective=objective,
@@ -142,7 +144,7 @@ def race(
             break
     reason = "agreed" if agreed else "max_steps" if spent else "max_rounds"
     course.come_below()
-    return course.result(reason, names)
+    return course.result(reason, names, whole)
 
 
 def same_minimum(least: float) -> float:
@@ -450,22 +452,45 @@ class _Course:
             ends=tuple(np.sort(self.misfit).tolist()),
         )
 
-    def result(self, reason: str, routes: Sequence[str]) -> Raced:
+    def result(self, reason: str, routes: Sequence[str], whole: Objective | None) -> Raced:
         """The minima, without those beyond the limit of stiffness where these are hardly better."""
+        if whole is not None and self.misfit.size:
+            self._compare_on(up_to(whole, self.objective.stiffest))
+        doubt = "" if reason == "agreed" and len(self.found_by & {*routes}) > 1 else self._doubt(routes)
         below = log_stiffness(self.low.compared, self.theta).max(axis=1, initial=-math.inf) <= 0.0
         least_below = float(np.min(self.misfit[below], initial=math.inf))
         objective = self.objective
         if least_below - self.least <= min(_MEASURABLE, _MEASURABLE_SHARE * self.least):
             objective, self.theta, self.misfit = self.low, self.theta[below], self.misfit[below]
-            self.routes = [route for route, each in zip(self.routes, below, strict=True) if each]
         theta, misfit = best_first(self.theta, self.misfit)
         return Raced(
             objective=objective,
             theta=theta,
             misfit=misfit,
             trace=self._trace(reason),
-            doubt="" if reason == "agreed" else self._doubt(routes),
+            doubt=doubt,
         )
+
+    def _compare_on(self, whole: Objective) -> None:
+        """Keep the minima that are promising, with misfits of whole tests: one is simulated for all that are near.
+
+        What the whole tests do not tell from their least one stays in its order.
+        """
+        promising = np.flatnonzero(self.misfit <= _PROMISING * self.least)
+        rows = promising[np.argsort(self.misfit[promising], kind="stable")]
+        unit = np.asarray(self.box.unit_from_theta(self.theta[rows]))
+        apart = _apart(unit, _DISTANT, len(rows))
+        resolved = nearest_below_stiffness(whole.compared, self.box, self.theta[rows[apart]])
+        on_whole = whole(resolved)
+        moved = on_whole - self.misfit[rows[apart]]
+        same = np.flatnonzero(on_whole <= same_minimum(float(on_whole.min())))
+        moved[same] = moved[same[:1]]
+        nearest = np.abs(unit[:, None] - unit[apart]).max(axis=2).argmin(axis=1)
+        misfit = self.misfit[rows] + moved[nearest]
+        fine = np.isfinite(misfit)
+        if fine.any():
+            self.theta, self.misfit = self.theta[rows[fine]], misfit[fine]
+            self.routes = [self.routes[row] for row in rows[fine]]
 
     def _doubt(self, routes: Sequence[str]) -> str:
         rounds = f"{self.round + 1} round{'s' if self.round else ''}"

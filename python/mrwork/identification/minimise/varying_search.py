@@ -132,6 +132,7 @@ def points_from_scaled_forces(
         settings,
         searched=search_box(spec, form.box, tests),
         rng=rng,
+        whole=problem.objective,
         on_search=on_search,
     )
     points = StartingPoints.of_race(raced, form)
