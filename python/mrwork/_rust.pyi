@@ -235,6 +235,7 @@ class Observer:
         direct: _Floats,
         ground: _Floats | None = None,
         direct_ground: _Floats | None = None,
+        is_absolute: bool = False,
     ) -> Observer: ...
 
 def respond(
@@ -242,7 +243,7 @@ def respond(
     dampers: Sequence[Dampers],
     controller: Controller,
     hardware: Hardware,
-    motions: Sequence[tuple[float, _Floats, _Floats]],
+    motions: Sequence[tuple[float, _Floats, _Floats, bool]],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
     observer: Observer | None = None,

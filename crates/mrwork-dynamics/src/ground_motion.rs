@@ -11,6 +11,8 @@ pub struct GroundMotion {
     velocity: Vec<f64>,
     /// Forces on each floor at the samples [N]; empty for none.
     forces: Vec<Vec<f64>>,
+    /// Whether the state that laws read has absolute velocities.
+    is_absolute: bool,
 }
 
 /// Part of a step below which the interval of a record is finer than the step; intervals may be rounded.
@@ -47,7 +49,7 @@ impl GroundMotion {
             sum += 0.5 * dt * (pair[0] + pair[1]);
             velocity.push(sum);
         }
-        Ok(Self { dt, acceleration: acceleration.to_vec(), velocity, forces: Vec::new() })
+        Ok(Self { dt, acceleration: acceleration.to_vec(), velocity, forces: Vec::new(), is_absolute: false })
     }
 
     /// The same motion with forces on floors [N]: a history for each floor, with a sample for each of the acceleration.
@@ -65,6 +67,18 @@ impl GroundMotion {
             }
         }
         Ok(Self { forces, ..self })
+    }
+
+    /// The same motion, under which laws read a state of relative displacements and absolute velocities `q' + r v_g`, as on
+    /// a road, whose velocity and not its acceleration is near white.
+    #[must_use]
+    pub fn with_absolute_state(self, is_absolute: bool) -> Self {
+        Self { is_absolute, ..self }
+    }
+
+    /// Whether the state that laws read has absolute velocities.
+    pub(crate) fn is_absolute(&self) -> bool {
+        self.is_absolute
     }
 
     /// Number of floors on which there are forces.

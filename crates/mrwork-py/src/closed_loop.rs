@@ -54,7 +54,8 @@ pub struct Observer {
 impl Observer {
     #[new]
     #[pyo3(signature = (
-        accelerations, deformations, transition, input, gain, output, direct, ground=None, direct_ground=None
+        accelerations, deformations, transition, input, gain, output, direct, ground=None, direct_ground=None,
+        is_absolute=false
     ))]
     #[allow(clippy::too_many_arguments)] // the matrices of one equation
     fn new(
@@ -67,6 +68,7 @@ impl Observer {
         direct: PyReadonlyArray2<'_, f64>,
         ground: Option<PyReadonlyArray1<'_, f64>>,
         direct_ground: Option<PyReadonlyArray1<'_, f64>>,
+        is_absolute: bool,
     ) -> PyResult<Self> {
         let column = |name: &str, column: Option<PyReadonlyArray1<'_, f64>>| {
             column.map_or(Ok(Vec::new()), |column| Ok::<_, PyErr>(contiguous(name, &column)?.to_vec()))
@@ -88,6 +90,7 @@ impl Observer {
                 direct_ground: column("direct_ground", direct_ground)?,
                 accelerations,
                 deformations,
+                is_absolute,
             },
         })
     }
@@ -221,7 +224,7 @@ pub fn respond<'py>(
     dampers: Vec<Py<Dampers>>,
     controller: &Controller,
     hardware: LoopHardware,
-    motions: Vec<(f64, PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>)>,
+    motions: Vec<(f64, PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>, bool)>,
     runs: PyReadonlyArray2<'py, u32>,
     streams: PyReadonlyArray1<'py, u64>,
     observer: Option<&Observer>,
@@ -235,10 +238,11 @@ pub fn respond<'py>(
 ) -> PyResult<Responses<'py>> {
     let motions = motions
         .iter()
-        .map(|(dt, samples, forces)| {
+        .map(|(dt, samples, forces, is_absolute)| {
             let motion = GroundMotion::new(*dt, contiguous("acceleration", samples)?).map_err(value_error)?;
             let axes = [("floors", None), ("samples", Some(samples.len()))];
             let rows = shaped("forces", forces, &axes)?.chunks_exact(samples.len());
+            let motion = motion.with_absolute_state(*is_absolute);
             motion.with_forces(rows.map(<[f64]>::to_vec).collect()).map_err(value_error)
         })
         .collect::<PyResult<Vec<_>>>()?;

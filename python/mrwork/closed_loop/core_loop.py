@@ -83,11 +83,18 @@ class LoopOfRuns:
     step_factor: int
     # A law of the user, which commands instead of `law`.
     own: RecordedLaw | None = None
+    # Whether the observer estimates absolute velocities.
+    estimates_absolute: bool = False
 
     @property
     def n_commanded(self) -> int:
         """Number of devices that the law commands, which are the first ones."""
         return len(commanded(self.devices))
+
+    def _reads_absolute(self, motion: GroundMotion) -> bool:
+        """Whether the state of the law has absolute velocities: no estimate of relative ones gives them."""
+        known = self.observer is None or self.estimates_absolute
+        return known and self.law.reads_absolute(motion)
 
     def core(self) -> CoreLoop:
         """The same for the core, which is made anew in each process."""
@@ -98,9 +105,19 @@ class LoopOfRuns:
                 building=building,
                 observer=None
                 if self.observer is None
-                else core_observer(self.observer, self.building, self.devices, self.hardware),
+                else core_observer(
+                    self.observer,
+                    self.building,
+                    self.devices,
+                    self.hardware,
+                    is_absolute=self.estimates_absolute,
+                ),
                 waves=[
-                    (motion.dt, *map(np.ascontiguousarray, (motion.acceleration, motion.forces)))
+                    (
+                        motion.dt,
+                        *map(np.ascontiguousarray, (motion.acceleration, motion.forces)),
+                        self._reads_absolute(motion),
+                    )
                     for motion in self.motions
                 ],
             )

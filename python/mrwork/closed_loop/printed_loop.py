@@ -21,11 +21,12 @@ from mrwork.closed_loop.core_loop import (
 )
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.laws_of_users import law_in_loop, loop_shape, recorded_for
-from mrwork.closed_loop.observer import loop_observer
+from mrwork.closed_loop.observer import estimates_absolute, loop_observer
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.linear.lqr import Observer
 from mrwork.dampers.simulation import core_refusals
 from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,9 +44,16 @@ class PrintedLoop:
 
 
 def printed_loop(
-    building: Building, devices: Sequence[Device], law: ControlLaw, hardware: Hardware
+    building: Building,
+    devices: Sequence[Device],
+    law: ControlLaw,
+    hardware: Hardware,
+    motions: Sequence[GroundMotion] = (),
 ) -> PrintedLoop:
-    """The loop of a law with one set of gains; laws and hardware that cannot be printed are refused by name."""
+    """The loop of a law with one set of gains; laws and hardware that cannot be printed are refused by name.
+
+    The `motions` say whether an observer estimates absolute velocities, as on roads.
+    """
     if hardware.ground_preview > 0.0:
         raise SettingError("no sensor tells the ground ahead; leave ground_preview of the hardware out")
     if hardware.faults:
@@ -69,7 +77,10 @@ def printed_loop(
         raise SettingError(
             f"{law.name} has {len(gains)} candidates, and one is printed; give one set of gains"
         )
-    observer = None if hardware.feedback == "state" else loop_observer(building, devices, hardware)
+    is_absolute = bool(motions) and estimates_absolute(law, motions, hardware)
+    observer = None
+    if hardware.feedback != "state":
+        observer = loop_observer(building, devices, hardware, is_absolute=is_absolute)
     loop = LoopOfRuns(
         building=building,
         varied=(),
@@ -79,6 +90,7 @@ def printed_loop(
         observer=observer,
         motions=(),
         step_factor=1,
+        estimates_absolute=is_absolute,
     )
     core = loop.core()
     with core_refusals():

@@ -42,7 +42,7 @@ from mrwork.closed_loop.core_loop import (
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.laws_of_users import IN_PYTHON, law_in_loop, loop_shape, recorded_for
-from mrwork.closed_loop.observer import loop_observer
+from mrwork.closed_loop.observer import estimates_absolute, loop_observer
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.responses import (
     History,
@@ -237,10 +237,10 @@ def simulate_loop(
     changes = variation.changes
     if changes is not None and len(gains) > 1:
         raise SettingError(f"the gains are of {len(gains)} candidates; give changes of the gains of one")
-    observer = None
+    observer, is_absolute = None, estimates_absolute(law, motions, hardware)
     if hardware.feedback != "state":
         with core_refusals():
-            observer = loop_observer(nominal or building, devices, hardware)
+            observer = loop_observer(nominal or building, devices, hardware, is_absolute=is_absolute)
     if isinstance(user, RowsLaw):
         rows = np.broadcast_to(user.settings, (n_candidates, user.settings.shape[1]))
         user = replace(user, settings=rows)
@@ -259,6 +259,7 @@ def simulate_loop(
         motions=tuple(motions),
         step_factor=step_factor,
         own=recorded,
+        estimates_absolute=is_absolute,
     )
     # Every candidate under every motion with every realisation, the last varying fastest.
     shape = n_candidates, len(motions), len(variation)

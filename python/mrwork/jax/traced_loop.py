@@ -104,6 +104,7 @@ class Loop(Summarised):
     law: str
     own: TapeLaw | None
     memory: Floats
+    carried: Floats
     dt: float
     hardware: Hardware
     matrices: dict[str, Floats]
@@ -147,6 +148,7 @@ class Loop(Summarised):
                 n_samples,
                 self.memory,
                 jnp.pad(sensed, ((0, n_kept - n_samples), (0, 0))),
+                self.carried,
                 law=self.law if self.own is None else self.own,
                 steps=steps,
                 n_kept=n_kept,
@@ -191,6 +193,7 @@ def _simulate(
     n_samples: int,
     memory: Array,
     sensed: Array,
+    carried: Array,
     *,
     law: str | TapeLaw,
     steps: int,
@@ -198,13 +201,16 @@ def _simulate(
     delay: int,
     histories: bool,
 ) -> LoopResult:
-    """Simulate with the ground of all steps, and padded commands, in place of the inputs of these names."""
+    """Simulate with the ground of all steps, and padded commands, in place of the inputs of these names.
+
+    `carried`, (2n,), is the state that laws of the registry read per velocity of the ground.
+    """
     plant = {"mass": inputs.mass, "damping": inputs.damping, "stiffness": inputs.stiffness}
     run = LoopRun(
         plant=LoopPlant.of(plant | matrices),
         devices=with_theta(devices, inputs.theta),
         believed=believed,
-        law=partial(_of_registry, LAWS[law], inputs.gains)
+        law=partial(_of_registry, LAWS[law], inputs.gains, carried)
         if isinstance(law, str)
         else partial(law, inputs.gains),
         memory=memory,
@@ -223,9 +229,14 @@ def _simulate(
 
 
 def _of_registry(
-    law: Callable[[Gains, Measurement], Array], gains: Gains, measured: Measurement, memory: Array
+    law: Callable[[Gains, Measurement], Array],
+    gains: Gains,
+    carried: Array,
+    measured: Measurement,
+    memory: Array,
 ) -> tuple[Array, Array]:
-    return law(gains, measured), memory
+    state = measured.state + carried * measured.ground_velocity
+    return law(gains, replace(measured, state=state)), memory
 
 
 @checked
@@ -307,8 +318,10 @@ def loop(
     largest = np.array([device.largest_command for device in devices])
     loop_devices = tuple(LoopDevice.of(device) for device in devices)
     gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
-    own, memory = None, np.zeros(0)
+    own, memory, carried = None, np.zeros(0), np.zeros(2 * building.n_coordinates)
     if isinstance(law, ControlLaw):
+        if law.reads_absolute(motion):
+            carried[building.n_coordinates :] = building.influence
         widths = len(devices), 2 * building.n_coordinates
         if len(law.gain_rows(*widths)) != 1:
             raise SettingError(f"the gains of {name} are of several candidates; give gains of one")
@@ -346,6 +359,7 @@ def loop(
         law=name,
         own=own,
         memory=memory,
+        carried=carried,
         dt=motion.dt,
         hardware=hardware,
         matrices=matrices,

@@ -75,7 +75,7 @@ def controller_of_study(
     storeys = [building.storey_names[storey] for storey in study.hardware.measured_storeys]
     return controller_source(
         c_name(name),
-        printed_loop(building, devices, law, study.hardware),
+        printed_loop(building, devices, law, study.hardware, study.grounds),
         law,
         {"floor": building.floor_names, "storey": storeys, "device": [device.name for device in devices]},
         flavour,

@@ -36,7 +36,7 @@ from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
-from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.laws.control_law import ControlLaw, StateOf
 from mrwork.dampers.dependence import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
@@ -452,6 +452,10 @@ class ControllerTable(CheckedTable):
         "coordinates; rows of numbers, or a .csv, .tsv, .txt, .npy or .mat file relative to the study file",
         file=True,
     )
+    state: StateOf | None = optional(
+        "whether the velocities of the state that gains multiply are relative to the ground or absolute; by default "
+        "absolute on roads, and relative under earthquakes and forces"
+    )
     largest_command: float | str | None = positive(
         "largest command that this law may send, by default as the dampers have it; where some follow a current and "
         "others a voltage a share of the largest of each; of the law active, and for actuators, the force at which "
@@ -480,13 +484,13 @@ class ControllerTable(CheckedTable):
             )
         owner, unread, shaping = self.law, list[str](), ["dead_zone", "command_slope"]
         if self.process is not None:
-            owner, unread = "a law outside Python", ["law", "user", "settings", "gain", *shaping]
+            owner, unread = "a law outside Python", ["law", "user", "settings", "gain", "state", *shaping]
         elif self.user is not None:
-            owner, unread = "a law in Python", ["law", "settings", "gain", *shaping]
+            owner, unread = "a law in Python", ["law", "settings", "gain", "state", *shaping]
             if self.user.law:
-                owner, unread = "a law of the user", ["law", "gain"]
+                owner, unread = "a law of the user", ["law", "gain", "state"]
         elif (constant := CONSTANT_LAWS.get(self.law)) is not None:
-            unread = ["settings", "gain", *(shaping if constant.share is None else ())]
+            unread = ["settings", "gain", "state", *(shaping if constant.share is None else ())]
         for name in (name for name in unread if name in given_in(self)):
             yield name, f"{owner} has no {name}; leave it out"
 

@@ -163,7 +163,7 @@ class NamedLaw:
         return not self.missing and not self.lacks_motion
 
     def shaped(self, law: ControlLaw) -> ControlLaw:
-        """A law with dead zone, slope and largest force of the table."""
+        """A law with dead zone, slope, largest force and state of the table."""
         forces = law.spec.commands_force
         limit = self.table.command_in("largest_command", "N") if forces else None
         return replace(
@@ -171,6 +171,7 @@ class NamedLaw:
             dead_zone=self.table.dead_zone,
             command_slope=self.table.slope_in("N" if forces else self.problem.devices[0].command_unit or "A"),
             largest_force=math.inf if limit is None else limit,
+            state=self.table.state,
         )
 
     def design(self, problem: DesignProblem, taken: Mapping[str, Any]) -> ControlLaw:

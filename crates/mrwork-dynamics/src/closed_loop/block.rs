@@ -172,13 +172,16 @@ struct Ground<'a> {
     step: f64,
     /// Whether all lanes have the same motion.
     uniform: bool,
+    /// Whether the state of a lane has absolute velocities.
+    absolute: bool,
 }
 
 impl<'a> Ground<'a> {
     fn new(block: &'a Block<'_>, step: f64) -> Self {
         let Block { motions, stages, .. } = block;
         let uniform = motions.iter().all(|motion| core::ptr::eq(*motion, motions[0]));
-        Self { motions, stages, step, uniform }
+        let absolute = motions.iter().any(|motion| motion.is_absolute());
+        Self { motions, stages, step, uniform, absolute }
     }
 
     /// A number of each lane; one, where all lanes have the same motion.
@@ -231,6 +234,17 @@ impl<'a> Ground<'a> {
     #[inline(always)]
     fn velocity<R: Lanes>(&self, time: f64) -> R {
         self.lanes(|lane| self.motions[lane].velocity(time))
+    }
+
+    /// Velocity in the state that laws read: zero in lanes where that is relative, none if it is in all.
+    #[inline(always)]
+    fn of_state<R: Lanes>(&self, time: f64) -> Option<R> {
+        self.absolute.then(|| {
+            self.lanes(|lane| {
+                let motion = self.motions[lane];
+                if motion.is_absolute() { motion.velocity(time) } else { 0.0 }
+            })
+        })
     }
 }
 
@@ -429,6 +443,7 @@ fn integrate_block<R: Lanes>(
                     ground_acceleration: &start,
                     ground_reading: &ground.reading(time(index, step), of_hardware),
                     ground_velocity: &ground.velocity(now),
+                    state_ground: ground.of_state(now),
                     preview: Preview {
                         motions: &block.motions,
                         now,

@@ -107,4 +107,6 @@ pub struct Observer {
     pub ground: Vec<f64>,
     /// Its part of each measurement, shape (measurements,); empty with `ground`.
     pub direct_ground: Vec<f64>,
+    /// Whether the velocities that it estimates are absolute, `q' + r v_g`.
+    pub is_absolute: bool,
 }

@@ -40,7 +40,8 @@ fn signals(batch: &Batch<'_>) -> Vec<Signal> {
         ("velocity", n_state),
         ("acceleration", batch.building.n_floors()),
         ("ground_acceleration", 1),
-        ("ground_velocity", 1),
+        // An estimate of absolute velocities has it in them.
+        ("ground_velocity", usize::from(!batch.observer.is_some_and(|observer| observer.is_absolute))),
         ("drift", batch.hardware.measured_storeys.len()),
         ("deformation", batch.n_devices()),
         ("force", batch.n_devices()),
@@ -74,7 +75,9 @@ fn sampled<'b, R: Lanes>(
             _ => controller.force = own.to_vec(),
         }
     }
-    let (_, known) = known_state(batch.observer, &controller.state, &displacement, &velocity);
+    controller.relate(batch.observer, &batch.building.influence, zero);
+    let estimate = [&*controller.state, &*controller.relative];
+    let (_, known) = known_state(batch.observer, estimate, &displacement, &velocity);
     controller.rate =
         (0..batch.n_devices()).map(|device| batch.building.devices.dot(device, known)).collect();
     let force = controller.force.clone();
@@ -93,6 +96,7 @@ fn sampled<'b, R: Lanes>(
         ground_acceleration: &zero,
         ground_reading: &zero,
         ground_velocity: &ground_velocity,
+        state_ground: None,
         preview: Preview { motions: &[], now: 0.0, reach: 0.0, step: 0.0 },
         controller,
     };
@@ -167,6 +171,8 @@ pub fn law_text(batch: &Batch<'_>, precision: Precision) -> LawText {
             device_floors: None,
             ground_acceleration: controller.ground_acceleration,
             ground_velocity: Term::splat(0.0),
+            influence: &[],
+            state_ground: None,
             preview: Preview { motions: &[], now: 0.0, reach: 0.0, step: 0.0 },
             ground_reach: &[],
             largest: &[],

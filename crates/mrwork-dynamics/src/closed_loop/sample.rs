@@ -30,6 +30,8 @@ pub(super) struct Controller<'a, R: Lanes> {
     pub(super) own: Option<OwnState<'a, R>>,
     /// State estimate of the observer.
     pub(super) state: Vec<R>,
+    /// Velocities relative to the ground of an estimate with absolute ones.
+    pub(super) relative: Vec<R>,
     next_state: Vec<R>,
     pub(super) acceleration: Vec<R>,
     innovation: Vec<R>,
@@ -115,6 +117,7 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
                 .own
                 .map(|own| OwnState::new(own, |lane| batch.runs[runs[lane.min(last)]].candidate as usize)),
             state: vec![zero; n_states],
+            relative: vec![zero; building.n_coordinates()],
             next_state: vec![zero; n_states],
             acceleration: vec![zero; building.n_floors()],
             innovation: vec![zero; n_measured],
@@ -132,6 +135,17 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
 }
 
 impl<R: Lanes> Controller<'_, R> {
+    /// Takes the velocity of the ground from an estimate with absolute velocities.
+    #[inline(always)]
+    pub(super) fn relate(&mut self, observer: Option<&Observer>, influence: &[f64], ground_velocity: R) {
+        if observer.is_some_and(|observer| observer.is_absolute) {
+            let absolute = &self.state[influence.len()..];
+            for ((relative, &rate), &share) in self.relative.iter_mut().zip(absolute).zip(influence) {
+                *relative = ground_velocity.mul_add(R::splat(-share), rate);
+            }
+        }
+    }
+
     /// Commands of a sample.
     #[inline(always)]
     pub(super) fn sent_at(&self, sample: usize) -> &[R] {
@@ -141,15 +155,19 @@ impl<R: Lanes> Controller<'_, R> {
 }
 
 /// Displacements and velocities for the law: the estimate if there is an observer, else the true ones.
+///
+/// `relative` are the velocities of an estimate that has absolute ones.
 #[inline(always)]
 pub(super) fn known_state<'a, R>(
     observer: Option<&Observer>,
-    estimate: &'a [R],
+    [estimate, relative]: [&'a [R]; 2],
     displacement: &'a [R],
     velocity: &'a [R],
 ) -> (&'a [R], &'a [R]) {
+    let (estimated, rates) = estimate.split_at(displacement.len());
     match observer {
-        Some(_) => estimate.split_at(displacement.len()),
+        Some(observer) if observer.is_absolute => (estimated, relative),
+        Some(_) => (estimated, rates),
         None => (displacement, velocity),
     }
 }
@@ -213,6 +231,8 @@ pub(super) struct Sample<'a, 'b, R: Lanes> {
     /// As its sensor takes it.
     pub(super) ground_reading: &'a R,
     pub(super) ground_velocity: &'a R,
+    /// In the state that laws read, see [`Measurement::state_ground`].
+    pub(super) state_ground: Option<R>,
     pub(super) preview: Preview<'a>,
     pub(super) controller: &'a mut Controller<'b, R>,
 }
@@ -243,6 +263,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
                     self.reading(Channel::Acceleration(floor), hardware.acceleration, value, before);
             }
         }
+        self.controller.relate(observer, &building.influence, *self.ground_velocity);
         let before = self.controller.ground_acceleration;
         self.controller.ground_acceleration = self.reading(
             Channel::GroundAcceleration,
@@ -264,8 +285,9 @@ impl<R: Lanes> Sample<'_, '_, R> {
             let before = self.controller.force[device];
             self.controller.force[device] =
                 self.reading(Channel::Force(device), hardware.force, self.force[device], before);
+            let estimate = [&*self.controller.state, &*self.controller.relative];
             let (_, velocity) =
-                known_state(observer, &self.controller.state, self.motion.displacement, self.motion.velocity);
+                known_state(observer, estimate, self.motion.displacement, self.motion.velocity);
             self.controller.rate[device] = building.devices.dot(device, velocity);
         }
     }
@@ -310,8 +332,9 @@ impl<R: Lanes> Sample<'_, '_, R> {
         let earlier = (self.number.wrapping_sub(1) % controller.depth) * n_devices;
         let gains =
             Gains { spec: law.spec(), columns: &controller.columns, tables, sizes: self.batch.sizes() };
+        let estimate = [&*controller.state, &*controller.relative];
         let (displacement, velocity) =
-            known_state(observer, &controller.state, self.motion.displacement, self.motion.velocity);
+            known_state(observer, estimate, self.motion.displacement, self.motion.velocity);
         // A law that predicts the motion knows all dampers, any other those that it commands.
         let n_known = if law.spec().needs_model { n_devices } else { n_commanded };
         let measured = Measurement {
@@ -327,6 +350,8 @@ impl<R: Lanes> Sample<'_, '_, R> {
             device_floors: building.device_floors.as_ref(),
             ground_acceleration: controller.ground_acceleration,
             ground_velocity: *self.ground_velocity,
+            influence: &building.influence,
+            state_ground: self.state_ground,
             preview: self.preview,
             ground_reach: &controller.ground_reach,
             largest: &controller.largest,

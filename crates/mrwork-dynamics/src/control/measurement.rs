@@ -32,6 +32,10 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) ground_acceleration: R,
     /// Velocity of the ground [m/s].
     pub(crate) ground_velocity: R,
+    /// Displacement of the coordinates per displacement of the ground: r.
+    pub(crate) influence: &'a [f64],
+    /// Velocity of the ground that the state of gains has in it [m/s], zero in lanes where that is relative; none if all are.
+    pub(crate) state_ground: Option<R>,
     /// What is known of the ground ahead.
     pub(crate) preview: Preview<'a>,
     /// Displacement of these rows per displacement of the ground: x r.
@@ -75,6 +79,16 @@ impl Preview<'_> {
 }
 
 impl<R: Real> Measurement<'_, R> {
+    /// Velocity of a coordinate in the state of gains: `q'`, or `q' + r v_g`.
+    #[inline(always)]
+    pub(crate) fn state_velocity(&self, coordinate: usize) -> R {
+        let relative = self.velocity[coordinate];
+        match self.state_ground {
+            Some(ground) => R::splat(self.influence[coordinate]).mul_add(ground, relative),
+            None => relative,
+        }
+    }
+
     /// Absolute velocity `x (q' + r v_g)`: of the sprung mass, else of the upper end of a device less that of its lower.
     #[inline(always)]
     pub(crate) fn absolute_rate(&self, device: usize) -> R {

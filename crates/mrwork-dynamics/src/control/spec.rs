@@ -207,7 +207,7 @@ impl<R: Real> Gains<'_, R> {
             sum = weight.mul_add(measured.displacement[coordinate], sum);
         }
         for (coordinate, weight) in of_velocity.iter().enumerate() {
-            sum = weight.mul_add(measured.velocity[coordinate], sum);
+            sum = weight.mul_add(measured.state_velocity(coordinate), sum);
         }
         sum
     }

@@ -29,8 +29,11 @@ from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
 
 Shape = Literal["device", "state", "numbers", "loop"]
+StateOf = Literal["relative", "absolute"]
+"""Whether the velocities of the state that gains multiply are those relative to the ground, q', or q' + r v_g."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +95,11 @@ class ControlLawSpec:
             return False
         absolute = any(gain.scales_with_command for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
+
+    @property
+    def reads_state(self) -> bool:
+        """Whether it has a gain of the state."""
+        return any(gain.shape == "state" for gain in self.gains)
 
     @property
     def takes_both_units(self) -> bool:
@@ -170,6 +178,10 @@ class ControlLaw(Summarised):
         Force at which every actuator saturates, of a law that commands forces [N].
     model
         Building and dampers by which the law predicts the motion; they may differ from the simulated ones.
+    state
+        Velocities of the state [q; q'] of a gain: relative to the ground, or absolute ones, q' + r v_g. By default they
+        are relative under earthquakes and forces, and absolute on roads, of which not the acceleration but the velocity
+        is near white: only of this state do the next ones depend on nothing before.
 
     Raises
     ------
@@ -191,6 +203,7 @@ class ControlLaw(Summarised):
     command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
     largest_force: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
     model: LoopModel | None = None
+    state: StateOf | None = None
     notes: tuple[str, ...] = ()
     weights: DesignedWeights | None = None
     margins: LoopMargins | None = None
@@ -215,6 +228,8 @@ class ControlLaw(Summarised):
             )
         if math.isfinite(self.largest_force) and not spec.commands_force:
             raise SettingError(f"{spec.name} commands no forces; leave `largest_force` out")
+        if self.state is not None and not spec.reads_state:
+            raise SettingError(f"{spec.name} has no gain of the state; leave `state` out")
         if self.model is not None and not spec.needs_model:
             raise SettingError(f"{spec.name} does not predict the motion; leave `model` out")
         if spec.needs_model and self.model is None:
@@ -239,6 +254,11 @@ class ControlLaw(Summarised):
         if self.spec.reads_acceleration or self.model is None:
             return self.spec.reads_acceleration
         return bool(self.model.building.elements) or bool(np.any(np.ravel(self.tables["shears"])[:2]))
+
+    @checked
+    def reads_absolute(self, motion: GroundMotion) -> bool:
+        """Whether the velocities of its state are absolute under a motion."""
+        return motion.is_road if self.state is None else self.state == "absolute"
 
     @property
     def shaping(self) -> tuple[float, float] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import scipy
@@ -344,8 +344,9 @@ def observer_of(
     *,
     noise_intensity: Annotated[ArrayLike, Within(above=0.0)] | None = None,
     unmodelled: NotNegative = 1e-6,
+    white: Literal["acceleration", "velocity"] = "acceleration",
 ) -> Observer:
-    """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
+    """The steady Kalman filter for a white acceleration or velocity of the ground and white, independent sensor noise.
 
     The device forces are measured. Over a sample all inputs are held; the ground acceleration has the variance 1 / Ts
     [(m/s^2)^2] and the noise of each sensor its intensity / Ts, so that the gain tends to the gain of the continuous
@@ -364,11 +365,15 @@ def observer_of(
     unmodelled
         White noise on every scaled coordinate, as a fraction of the noise of the ground. Without it, the error of a
         coordinate that the ground does not excite, such as an undamped brace, would not decay.
+    white
+        What is white of the ground. Under a white velocity, as of a road, the state is [q; q' + r v_g]: displacements
+        relative to the ground and absolute velocities, and the ground has 1 (m/s)^2/Hz.
 
     Raises
     ------
     SettingError
-        If an undamped mode is not observable.
+        If an undamped mode is not observable, or a measurement has the acceleration of the ground, whose velocity is
+        white, in it.
     """
     check_outputs(plant, measurements)
     if not measurements.names:
@@ -376,7 +381,17 @@ def observer_of(
     intensities = 1.0 / 50.0 if noise_intensity is None else noise_intensity
     noise = one_for_each("noise_intensity", intensities, len(measurements.names), "measurement")
     T, ground = plant.scaling, 1.0 / sample_time
-    inputs = np.column_stack([plant.B, plant.E])
+    E, G = plant.E, measurements.G
+    if white == "velocity":
+        if G.any():
+            raise SettingError(
+                "a white velocity of the ground has no acceleration, and one is in a measurement; measure absolute "
+                "accelerations, elongations and drifts"
+            )
+        # With q' = z - r v_g: x' = A [q; z] - A_v r v_g, y = C [q; z] - C_v r v_g.
+        follows = np.concatenate([np.zeros(plant.n_coordinates), plant.building.influence])
+        E, G = -plant.A @ follows, -measurements.C @ follows
+    inputs = np.column_stack([plant.B, E])
     slope, pushed = (np.linalg.solve(T, matrix).astype(np.float64) for matrix in (plant.A @ T, inputs))
     F_z, held = hold_input(slope, pushed, sample_time)
     Ad, Bd, Ed = T @ F_z @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
@@ -385,7 +400,7 @@ def observer_of(
     A_z = np.linalg.solve(T, Ad @ T)
     E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
     C_z = measurements.C @ T / deviation[:, None]
-    G_z = measurements.G * np.sqrt(ground) / deviation
+    G_z = G * np.sqrt(ground) / deviation
     # Scale of the state such that the process noise of a step is 1, as the noise of the sensors is.
     unit = float(np.linalg.norm(E_z))
     if not unit:
@@ -423,7 +438,7 @@ def observer_of(
         sample_time=sample_time,
         covariance=unit**2 * T @ solution.P[0] @ T.T,
         Ed=Ed,
-        G=measurements.G,
+        G=G,
     )
 
 
