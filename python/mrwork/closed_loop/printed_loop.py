@@ -41,6 +41,7 @@ class PrintedLoop:
     n_commanded: int
     own: _rust.LawTape | None
     matrices: Observer | None
+    is_absolute: bool
 
 
 def printed_loop(
@@ -77,9 +78,11 @@ def printed_loop(
         raise SettingError(
             f"{law.name} has {len(gains)} candidates, and one is printed; give one set of gains"
         )
-    is_absolute = bool(motions) and estimates_absolute(law, motions, hardware)
     observer = None
-    if hardware.feedback != "state":
+    if hardware.feedback == "state":
+        is_absolute = bool(motions) and law.spec.reads_state and all(map(law.reads_absolute, motions))
+    else:
+        is_absolute = bool(motions) and estimates_absolute(law, motions, hardware)
         observer = loop_observer(building, devices, hardware, is_absolute=is_absolute)
     loop = LoopOfRuns(
         building=building,
@@ -90,7 +93,7 @@ def printed_loop(
         observer=observer,
         motions=(),
         step_factor=1,
-        estimates_absolute=is_absolute,
+        estimates_absolute=is_absolute and observer is not None,
     )
     core = loop.core()
     with core_refusals():
@@ -103,4 +106,5 @@ def printed_loop(
             n_commanded=len(driven),
             own=None if own is None else core_own_law(own, settings),
             matrices=observer,
+            is_absolute=is_absolute,
         )

@@ -33,6 +33,10 @@ _OF_STATE = (
     'It reads displacements and velocities of the building, which no sensor gives; with feedback = "observer" of the '
     "hardware it estimates them."
 )
+_ABSOLUTE = (
+    "It was designed for a road: the velocities that it {0} are absolute, those of the floors themselves and not over "
+    "the road."
+)
 _OF_GROUND = "It reads the velocity of the ground, as of a road under a tyre, which no sensor gives."
 
 
@@ -79,6 +83,7 @@ def controller_source(
     of_state = {"displacement", "velocity"} & read.keys()
     notes = (
         *([_OF_STATE] if of_state else []),
+        *([_ABSOLUTE.format("reads" if of_state else "estimates")] if loop.is_absolute else []),
         *([_OF_GROUND] if "ground_velocity" in read else []),
         *([_decision(rollout["counts"])] if rollout else []),
     )

@@ -27,6 +27,7 @@ from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.laws_of_users import remark_on_python
 from mrwork.closed_loop.loop_sample import READINGS
+from mrwork.closed_loop.observer import estimates_absolute
 from mrwork.closed_loop.process_law import ProcessLaw
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law
@@ -287,6 +288,11 @@ _UNSPRUNG: Final = RemarkKind(
     "damper itself",
     'name the floor whose absolute motion it reads, as sprung = "{2}" of [[damper]]',
 )
+_ROAD_OBSERVED: Final = RemarkKind(
+    "road_observed",
+    "the observer takes {0} for an earthquake, and estimates no absolute velocities, which {1} reads",
+    "leave kinematic and known_ground of the hardware out, and keep roads and other motions in studies of their own",
+)
 _SAME_BUILDING: Final = RemarkKind(
     "baseline_same",
     "{0} is the building itself",
@@ -427,6 +433,12 @@ class Study(Summarised):
         for label, law in self.laws:
             if road is not None and unsprung is not None and law.spec.reads_sprung:
                 yield _UNSPRUNG.remark(label, unsprung, floors[-1])
+        is_observed = self.hardware.feedback != "state"
+        for label, law in self.laws if is_observed else ():
+            reads = law.spec.reads_sprung or (law.spec.reads_state and law.state != "relative")
+            if road is not None and reads and not estimates_absolute(law, self.grounds, self.hardware):
+                yield _ROAD_OBSERVED.remark(road, label)
+                return
 
     @property
     def at_zero(self) -> Arrangement:
