@@ -187,3 +187,38 @@ def test_a_printed_controller_of_a_road_estimates_absolute_velocities(tmp_path: 
         printed = printed_loop(study.building, study.devices, law, study.hardware, study.grounds)
         assert printed.is_absolute
         assert not {"ground_velocity", "velocity"} & dict(_rust.law_text(printed)["reads"]).keys()
+
+
+def test_weights_of_a_road_predict_its_rms_within_five_per_cent() -> None:
+    roads = [mr.motions.iso_8608_road("C", speed=20.0, rng=number, duration=30.0) for number in range(4)]
+    problem = mr.control.DesignProblem(building=CAR, devices=[ACTUATOR], motions=roads, sample_time=TS)
+    limits = {"rms_acceleration": [30.0, 1.0], "rms_drift": 0.015, "budget": 1000.0}
+    law = mr.control.design_law("active", problem, {"control_weight": 1.0, "designed": limits})
+    assert law.weights is not None
+    assert law.weights.reachable_ratio < 1.0
+    run = mr.simulate_loop(CAR, [ACTUATOR], law, roads, mr.Hardware(sample_time=TS))
+    found = [*run.rms_drift.mean(axis=0), *run.rms_acceleration.mean(axis=0)]
+    names = [
+        *(f"drift {name}" for name in CAR.storey_names),
+        *(f"acceleration {name}" for name in CAR.floor_names),
+    ]
+    told = dict(
+        zip(law.weights.outputs.names, law.weights.rms_under_ground(controlled=True).tolist(), strict=True)
+    )
+    assert found == pytest.approx([told[name] for name in names], rel=0.05)
+    # A fifth of the budget is enough: its multiplier is zero, and R still has a size that is scanned.
+    assert np.isfinite(law.gains["gain"]).all()
+
+
+def test_the_ground_of_roads_has_the_density_of_iso_8608() -> None:
+    roads = [mr.motions.iso_8608_road("C", speed=20.0, rng=number, duration=30.0) for number in range(4)]
+    ground = mr.motions.stationary_ground(roads)
+    # Heights have 256e-6 m^3 at 0.1 cycles/m and fall with its square: velocities have (2 pi 0.1)^2 256e-6 v per Hz.
+    level = (2.0 * np.pi * 0.1) ** 2 * 256e-6 * 20.0 / (4.0 * np.pi)
+    assert ground.spectrum.intensity == pytest.approx(level, rel=0.1)
+    assert mr.motions.stationary_ground([*roads, mr.synthetic_motion()]) == mr.motions.stationary_ground(
+        [mr.synthetic_motion()]
+    )
+    refusal(partial(mr.motions.stationary_ground, frequency=15.0), roads, match="soil")
+    level_road = replace(ROAD, acceleration=np.zeros_like(ROAD.acceleration))
+    refusal(mr.motions.stationary_ground, [level_road], match="level")

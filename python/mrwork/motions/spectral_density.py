@@ -27,11 +27,15 @@ Complexes = NDArray[np.complex128]
 
 @array_dataclass()
 class FilterMatrices:
-    """Shaping filter `s' = state s + noise w`, `a_g = output s`, with white noise w of density `intensity`."""
+    """Shaping filter `s' = state s + noise w`, `a_g = output s`, with white noise w of density `intensity`.
+
+    Of a road the output is the velocity v_g of the ground.
+    """
 
     state: Floats
     noise: Floats
     output: Floats
+    of_velocity: bool = False
 
 
 @checked
@@ -116,10 +120,40 @@ class CloughPenzien:
         )
 
 
-SpectralDensity = KanaiTajimi | CloughPenzien
+@checked
+class RoadVelocity:
+    """A road under a vehicle: a velocity that is white up to its shortest waves; heights have S0 / w^2 (ISO 8608).
+
+    `S(w) = S0 / (1 + (w / w_c)^4)` of the velocity, white noise through a Butterworth filter of second order.
+    """
+
+    name: ClassVar[str] = "road"
+    intensity: Annotated[
+        Positive, Says("spectral density S0 of the velocity, two-sided in circular frequency", unit="m2/s")
+    ]
+    frequency: Annotated[Positive, Says("frequency w_c of the shortest waves", unit="rad/s")]
+
+    def filter_matrices(self) -> FilterMatrices:
+        """State-space form of the filter: the velocity of the ground and its derivative."""
+        w_c = self.frequency
+        return FilterMatrices(
+            state=np.array([[0.0, 1.0], [-(w_c**2), -math.sqrt(2.0) * w_c]]),
+            noise=np.array([0.0, w_c**2]),
+            output=np.array([1.0, 0.0]),
+            of_velocity=True,
+        )
+
+    @property
+    def mean_square(self) -> float:
+        """Mean square of the velocity [m^2/s^2]."""
+        return math.pi / math.sqrt(2.0) * self.intensity * self.frequency
 
 
-def mean_square_of(spectrum: SpectralDensity) -> float:
+SoilSpectrum = KanaiTajimi | CloughPenzien
+SpectralDensity = SoilSpectrum | RoadVelocity
+
+
+def mean_square_of(spectrum: SoilSpectrum) -> float:
     """Mean square of the ground acceleration [m^2/s^4].
 
     Of Kanai-Tajimi `pi S0 w_g (1 + 4 zeta_g^2) / (2 zeta_g)`, of Clough-Penzien by the Lyapunov equation of its filter.
@@ -147,7 +181,7 @@ _STARTS = ((6.0, 0.4), (15.0, 0.6), (30.0, 0.6))
 
 
 @checked
-def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -> SpectralDensity:
+def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -> SoilSpectrum:
     """Spectrum of the strong part of a motion, by Whittle's likelihood.
 
     The strong part lasts from 5 to 95 % of the Arias intensity. Minimises `sum log S(w) + I(w) / S(w)` over the
@@ -178,7 +212,7 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     used = (w > 0.0) & (w <= 2.0 * np.pi * _HIGHEST)
     w, periodogram = w[used], periodogram[used]
 
-    def make_density(shape: Floats, intensity: float = 1.0) -> SpectralDensity:
+    def make_density(shape: Floats, intensity: float = 1.0) -> SoilSpectrum:
         frequency, damping, *filter_shape = np.exp(shape)
         soil = KanaiTajimi(frequency=float(frequency), damping=float(damping), intensity=intensity)
         if not filter_shape:
@@ -202,7 +236,7 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
 
 
 def _likeliest(
-    make: Callable[[Floats], SpectralDensity],
+    make: Callable[[Floats], SoilSpectrum],
     w: Floats,
     densities: Floats,
     starts: Sequence[Floats],
@@ -243,6 +277,8 @@ def strong_part(motion: GroundMotion) -> Floats:
 # Edges of the bands [rad/s], equally wide on a logarithmic axis as the frequencies of buildings are.
 _EDGES = 2.0 * np.pi * np.geomspace(0.1, 25.0, 65)
 _CENTRES = np.sqrt(_EDGES[1:] * _EDGES[:-1])
+# Bodies of vehicles move from 0.5 Hz on.
+_LOWEST_OF_VEHICLES = 2.0 * math.pi * 0.5
 _FREQUENCIES = (0.5, 2.0 * math.pi * 25.0)
 _DAMPINGS = (0.02, 2.0)
 
@@ -269,7 +305,12 @@ class StationaryGround(Summarised):
 
 
 def ground_in_words(spectrum: SpectralDensity) -> str:
-    """The numbers of a spectrum, and its rms acceleration."""
+    """The numbers of a spectrum, and its rms acceleration, of a road its rms velocity."""
+    if isinstance(spectrum, RoadVelocity):
+        return (
+            f"road, velocity white up to {spectrum.frequency:.4g} rad/s, intensity {spectrum.intensity:.4g} m2/s, rms "
+            f"{math.sqrt(spectrum.mean_square):.3g} m/s"
+        )
     soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
     return (
         f"{spectrum.name}, {soil.frequency:.4g} rad/s, damping ratio {soil.damping:.3g}, intensity "
@@ -295,6 +336,9 @@ def stationary_ground(
     Seismol. Soc. Am. 72, 1982, 259-274, fits the filter to moments likewise). A motion is taken for stationary over its
     strong part, which no earthquake is: rms responses of lightly damped modes are too large for short motions.
 
+    Of roads alone the ground is a `RoadVelocity` of the mean density of their velocities from 0.5 to 25 Hz, where body
+    and wheels of vehicles move, with the mean of their mean squares. Beside other motions roads are left out.
+
     Parameters
     ----------
     kind
@@ -305,7 +349,8 @@ def stationary_ground(
     Raises
     ------
     SettingError
-        If no motion has a strong part that is long enough, as one that is zero.
+        If no motion has a strong part that is long enough, as one that is zero, or numbers of a soil are given for a
+        road.
 
     Examples
     --------
@@ -315,7 +360,12 @@ def stationary_ground(
     True
     """
     parts, reason = [], "no motion is given"
-    for motion in motions:
+    roads = [motion for motion in motions if motion.is_road]
+    if roads and len(roads) == len(motions):
+        if not (frequency is None and damping is None):
+            raise SettingError("a road has no frequency and damping of a soil; leave them out")
+        return _stationary_road(roads)
+    for motion in (motion for motion in motions if not motion.is_road):
         try:
             parts.append((strong_part(motion), motion.dt))
         except RecordError as error:
@@ -332,6 +382,23 @@ def stationary_ground(
         mean_square=mean_square,
         n_motions=len(parts),
         narrow=narrow,
+    )
+
+
+def _stationary_road(roads: Sequence[GroundMotion]) -> StationaryGround:
+    velocities = [(road.velocity - road.velocity.mean(), road.dt) for road in roads]
+    mean_square = float(np.mean([np.mean(np.square(velocity)) for velocity, _ in velocities]))
+    densities = np.mean([np.mean(v**2) * _band_densities(v, dt) for v, dt in velocities], axis=0)
+    intensity = float(np.mean(densities[_LOWEST_OF_VEHICLES <= _CENTRES]))
+    if not intensity > 0.0:
+        raise SettingError("the ground of the motions is not known: the road is level")
+    # The filter of this density has the mean square.
+    frequency = math.sqrt(2.0) * mean_square / (math.pi * intensity)
+    return StationaryGround(
+        spectrum=RoadVelocity(intensity=intensity, frequency=frequency),
+        mean_square=float(np.mean([np.mean(np.square(road.acceleration)) for road in roads])),
+        n_motions=len(roads),
+        narrow=False,
     )
 
 

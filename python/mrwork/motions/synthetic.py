@@ -43,7 +43,7 @@ from mrwork.base.hints import Says, Within
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, check_samples, scaled_to_peak
-from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SoilSpectrum
 
 AboveOne = Annotated[float, Within(above=1.0)]
 # Run-in time of the filter before the motion begins, in its longest time constant.
@@ -54,7 +54,7 @@ _SLOWEST = 1e-6
 
 @checked
 def synthetic_motion(
-    spectrum: SpectralDensity | None = None,
+    spectrum: SoilSpectrum | None = None,
     *,
     rng: np.random.Generator | Seed = 1940,
     duration: float = 30.0,
@@ -109,7 +109,7 @@ def synthetic_motion(
     return motion if peak is None else scaled_to_peak(motion, peak)
 
 
-def _memory(spectrum: SpectralDensity) -> float:
+def _memory(spectrum: SoilSpectrum) -> float:
     """Longest time constant of the filter [s]."""
     slowest = float(np.abs(np.linalg.eigvals(spectrum.filter_matrices().state).real).min())
     if slowest < _SLOWEST:

@@ -41,7 +41,7 @@ from mrwork.motions.ground_motion import (
 )
 from mrwork.motions.read import motion_files, motion_of_file
 from mrwork.motions.roads import iso_8608_road, road_of_file
-from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SoilSpectrum
 from mrwork.motions.spectrum import Intensity, scaled_from, spectral_intensity
 from mrwork.motions.synthetic import suite, synthetic_motion
 from mrwork.motions.targets import TargetSpectrum, scaled_to_target
@@ -253,7 +253,7 @@ def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
                 )
 
 
-def _spectrum(table: MotionTable) -> SpectralDensity:
+def _spectrum(table: MotionTable) -> SoilSpectrum:
     soil = table.soil
     if soil is None:
         return KanaiTajimi() if table.synthetic == "kanai_tajimi" else CloughPenzien()

@@ -61,25 +61,30 @@ def design_system(
 ) -> DesignSystem:
     """The system of a design in modal coordinates over their rms without control.
 
-    The `n_modes` lowest modes of the building, or all, are coordinates; the other modes follow forces and ground at
-    once, as `0 = A_21 x_1 + A_22 x_2 + B_2 u`.
+    On a road velocities are absolute, of which laws read the state there. The `n_modes` lowest modes of the building,
+    or all, are coordinates; the other modes follow forces and ground at once, as `0 = A_21 x_1 + A_22 x_2 + B_2 u`.
     """
     building, n = plant.building, plant.n_coordinates
     soil = spectrum.filter_matrices()
+    named, elongations = outputs.of_plant(plant), deformation_rates(plant)
+    E, G, of_rates = plant.E, named.G, np.zeros(plant.n_devices)
+    if soil.of_velocity:
+        # With z = q' + r v_g in the place of q' all that the plant multiplies with q' has -r v_g beside z.
+        follows = np.concatenate([np.zeros(n), building.influence])
+        E, G, of_rates = -plant.A @ follows, -named.C @ follows, -elongations.C @ follows
     shapes, n_soil = building.modes, len(soil.state)
     modes = scipy.linalg.block_diag(shapes, shapes)
     into = scipy.linalg.block_diag(shapes.T @ building.mass, shapes.T @ building.mass)
     A = np.block(
         [
-            [into @ plant.A @ modes, np.outer(into @ plant.E, soil.output)],
+            [into @ plant.A @ modes, np.outer(into @ E, soil.output)],
             [np.zeros((n_soil, 2 * n)), soil.state],
         ]
     )
     B = np.vstack([into @ plant.B, np.zeros((n_soil, plant.n_devices))])
-    named = outputs.of_plant(plant)
-    C, D = np.hstack([named.C @ modes, np.outer(named.G, soil.output)]), named.D
-    soilless = ((0, 0), (0, n_soil))
-    rates, state = np.pad(deformation_rates(plant).C @ modes, soilless), np.pad(modes, soilless)
+    C, D = np.hstack([named.C @ modes, np.outer(G, soil.output)]), named.D
+    rates = np.hstack([elongations.C @ modes, np.outer(of_rates, soil.output)])
+    state = np.pad(modes, ((0, 0), (0, n_soil)))
     if n_modes is not None and n_modes < n:
         fast = np.arange(2 * n + n_soil) % n >= n_modes
         fast[2 * n :] = False

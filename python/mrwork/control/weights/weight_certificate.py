@@ -20,7 +20,7 @@ from mrwork.control.weights.limits import LimitedOutputs
 from mrwork.control.weights.regulator import DualPoint
 from mrwork.control.weights.system import DesignSystem
 from mrwork.errors import SettingError
-from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity, mean_square_of
+from mrwork.motions.spectral_density import CloughPenzien, RoadVelocity, SpectralDensity, mean_square_of
 
 
 @array_dataclass(repr=False)
@@ -202,7 +202,6 @@ class DesignedWeights(Summarised):
     def document(self) -> dict[str, object]:
         """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
         outputs, spectrum = self.outputs, self.spectrum
-        soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
         columns = (
             Column("name", of=outputs.names.__getitem__),
             Column("unit", of=outputs.units.__getitem__),
@@ -211,15 +210,7 @@ class DesignedWeights(Summarised):
             Column("rms", of=self.rms_under_ground(controlled=True).item),
         )
         return {
-            "ground": [
-                {
-                    "spectrum": spectrum.name,
-                    "frequency": soil.frequency,
-                    "damping": soil.damping,
-                    "intensity": soil.intensity,
-                    "mean_square": mean_square_of(spectrum),
-                }
-            ],
+            "ground": [_ground(spectrum)],
             "budget": self.certificate.budgets.tolist(),
             "least_ratio": self.reachable_ratio,
             "gain": self.gain.tolist(),
@@ -337,3 +328,13 @@ def binding_in_words(
                 f"Binds: budget of {name}, {budget:.4g} N rms; 1 % more force lowers the ratio by {r / value:.2g} %."
             )
     return tuple(sentences)
+
+
+def _ground(spectrum: SpectralDensity) -> dict[str, object]:
+    """The numbers of a spectrum, with the mean square of the acceleration, of a road of the velocity."""
+    soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
+    numbers = {"spectrum": spectrum.name, "frequency": soil.frequency, "intensity": soil.intensity}
+    if isinstance(spectrum, RoadVelocity):
+        return {**numbers, "mean_square_velocity": spectrum.mean_square}
+    damping = spectrum.soil.damping if isinstance(spectrum, CloughPenzien) else spectrum.damping
+    return {**numbers, "damping": damping, "mean_square": mean_square_of(spectrum)}

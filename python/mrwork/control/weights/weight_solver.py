@@ -291,8 +291,8 @@ def _designed(
         v = deformation_rates(plant).C
         Q, N = Q + (v.T * (s * c**2)) @ v, N - v.T * (s * c)
         R = R + np.diag(s * (1.0 - task.semi_active.share**2))
-        # The multiplier of a budget that does not bind is zero, to which no size of R has a ratio.
-        control_weight = np.maximum(control_weight, 1e-9 * np.diag(R))
+    # The multiplier of a budget that does not bind is zero, to which no size of R has a ratio.
+    control_weight = np.maximum(control_weight, 1e-9 * np.diag(R))
     gain, _ = solve_riccati(plant.A, plant.B, Q, R, N, scaling=plant.scaling)
     return DesignedWeights(
         plant=plant,

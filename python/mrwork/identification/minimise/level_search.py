@@ -214,7 +214,7 @@ class _LevelSearch:
     def _leads_lower(self, starts: Floats, raced: Raced) -> bool:
         """Whether local minimisations from the starts end visibly below the minimum of a race."""
         minima = minima_from(raced.objective, self.joint.box, starts)
-        least = float(raced.objective(raced.theta[:1])[0])
+        least = float(raced.misfit[0])
         return bool(least > same_minimum(float(np.min(raced.objective(minima), initial=least))))
 
     def _fit_levels(self) -> None:
@@ -247,7 +247,6 @@ class _LevelSearch:
             self.settings,
             searched=search_box(self.joint.spec, box, self.on_tests.tests),
             rng=seed,
-            whole=self.problem.objective.on(self.joint.spec, self.problem.objective.tests),
             on_search=on_search,
         )
 

@@ -48,7 +48,7 @@ class StartingPoints:
         """The distinct minima of a race in the box of a form; an error where every simulation has failed."""
         if not len(raced.theta):
             raise no_simulation(form.spec, raced.objective.tally.simulations)
-        theta = distinct_minima(form.box, raced.theta, raced.misfit)
+        theta = np.concatenate([distinct_minima(form.box, raced.theta, raced.misfit), raced.another])
         return cls(objective=raced.objective, form=form, theta=theta, trace=raced.trace, doubt=raced.doubt)
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:

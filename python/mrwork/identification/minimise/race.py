@@ -81,6 +81,7 @@ class Route:
 class Raced:
     """Minima of a race, best first, shape (n_minima, n_params), with misfits (n_minima,), and the trace.
 
+    `another` is the one, if any, that is less on whole tests than the best one of the parts, shape (0 or 1, n_params).
     `objective` has the limit of stiffness within which they were found: none where stiffer candidates are better.
     `doubt` says why a lower minimum is possible, with what was tried; it is empty where two routes agree.
     """
@@ -88,6 +89,7 @@ class Raced:
     objective: Objective
     theta: Floats
     misfit: Floats
+    another: Floats
     trace: SearchTrace
     doubt: str
 
@@ -117,7 +119,7 @@ def race(
     """Minima inside `box` by the routes, in rounds until two routes agree or the budget of steps is spent.
 
     Replaced parameters are drawn from the `searched` ranges. The minima of parts of tests are compared on the `whole`
-    of these, if it is given: a part may take one for another. Without any minimum `theta` is empty.
+    of these too, if it is given: a part may take one for another. Without any minimum `theta` is empty.
     """
     course = _Course(
         objective=objective,
@@ -454,48 +456,48 @@ class _Course:
 
     def result(self, reason: str, routes: Sequence[str], whole: Objective | None) -> Raced:
         """The minima, without those beyond the limit of stiffness where these are hardly better."""
-        if whole is not None and self.misfit.size:
-            self._compare_on(up_to(whole, self.objective.stiffest))
-        doubt = "" if reason == "agreed" and len(self.found_by & {*routes}) > 1 else self._doubt(routes)
+        another = self._least_on(whole)
+        met_by = self.found_by if another is None else self._near(another)
+        met = [route for route in routes if route in met_by]
         below = log_stiffness(self.low.compared, self.theta).max(axis=1, initial=-math.inf) <= 0.0
         least_below = float(np.min(self.misfit[below], initial=math.inf))
-        objective = self.objective
+        objective, kept = self.objective, np.ones_like(below)
         if least_below - self.least <= min(_MEASURABLE, _MEASURABLE_SHARE * self.least):
-            objective, self.theta, self.misfit = self.low, self.theta[below], self.misfit[below]
-        theta, misfit = best_first(self.theta, self.misfit)
+            kept = below
+            if another is None or below[another]:
+                objective = self.low
+        theta, misfit = best_first(self.theta[kept], self.misfit[kept])
         return Raced(
             objective=objective,
             theta=theta,
             misfit=misfit,
+            another=self.theta[[] if another is None else [another]],
             trace=self._trace(reason),
-            doubt=doubt,
+            doubt="" if reason == "agreed" and len(met) > 1 else self._doubt(routes, met),
         )
 
-    def _compare_on(self, whole: Objective) -> None:
-        """Keep the minima that are promising, with misfits of whole tests: one is simulated for all that are near.
-
-        What the whole tests do not tell from their least one stays in its order.
-        """
+    def _least_on(self, whole: Objective | None) -> int | None:
+        """The promising minimum that is visibly less on whole tests than the least one of their parts, if any."""
+        if whole is None or not self.misfit.size:
+            return None
         promising = np.flatnonzero(self.misfit <= _PROMISING * self.least)
         rows = promising[np.argsort(self.misfit[promising], kind="stable")]
-        unit = np.asarray(self.box.unit_from_theta(self.theta[rows]))
-        apart = _apart(unit, _DISTANT, len(rows))
-        resolved = nearest_below_stiffness(whole.compared, self.box, self.theta[rows[apart]])
-        on_whole = whole(resolved)
-        moved = on_whole - self.misfit[rows[apart]]
-        same = np.flatnonzero(on_whole <= same_minimum(float(on_whole.min())))
-        moved[same] = moved[same[:1]]
-        nearest = np.abs(unit[:, None] - unit[apart]).max(axis=2).argmin(axis=1)
-        misfit = self.misfit[rows] + moved[nearest]
-        fine = np.isfinite(misfit)
-        if fine.any():
-            self.theta, self.misfit = self.theta[rows[fine]], misfit[fine]
-            self.routes = [self.routes[row] for row in rows[fine]]
+        rows = rows[_apart(np.asarray(self.box.unit_from_theta(self.theta[rows])), _DISTANT, len(rows))]
+        resolved = nearest_below_stiffness(whole.compared, self.box, self.theta[rows])
+        on_whole = up_to(whole, self.objective.stiffest)(resolved)
+        best = int(np.argmin(on_whole))
+        return None if on_whole[0] <= same_minimum(float(on_whole[best])) else int(rows[best])
 
-    def _doubt(self, routes: Sequence[str]) -> str:
+    def _near(self, index: int) -> set[str]:
+        """Routes that have met a minimum."""
+        unit = np.asarray(self.box.unit_from_theta(self.theta))
+        near = np.abs(unit - unit[index]).max(axis=1) <= _DISTANT
+        same = np.flatnonzero(near & (self.misfit <= same_minimum(float(self.misfit[index]))))
+        return {self.routes[each] for each in same}
+
+    def _doubt(self, routes: Sequence[str], met: Sequence[str]) -> str:
         rounds = f"{self.round + 1} round{'s' if self.round else ''}"
         tried = f"in {rounds} of {' and '.join(routes)}, with {self.spent:.2g} time steps"
-        met = [route for route in routes if route in self.found_by]
         if len(met) > 1:
             return f"the last round found it below that of the rounds before, {tried}"
         return f"only {met[0] if met else 'starts near it'} met the least one, {tried}"
