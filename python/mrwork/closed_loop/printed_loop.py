@@ -24,7 +24,6 @@ from mrwork.closed_loop.laws_of_users import law_in_loop, loop_shape, recorded_f
 from mrwork.closed_loop.observer import loop_observer
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.linear.lqr import Observer
-from mrwork.dampers.simulation import core_refusals
 from mrwork.errors import SettingError
 
 
@@ -81,14 +80,13 @@ def printed_loop(
         step_factor=1,
     )
     core = loop.core()
-    with core_refusals():
-        return PrintedLoop(
-            building=core.building,
-            dampers=core_dampers(devices, [theta[:1] for theta in theta_of(devices)]),
-            controller=core_controller(law, gains, None if law.shaping is None else np.array([law.shaping])),
-            hardware=hardware,
-            observer=core.observer,
-            n_commanded=len(driven),
-            own=None if own is None else core_own_law(own, settings),
-            matrices=observer,
-        )
+    return PrintedLoop(
+        building=core.building,
+        dampers=core_dampers(devices, [theta[:1] for theta in theta_of(devices)]),
+        controller=core_controller(law, gains, None if law.shaping is None else np.array([law.shaping])),
+        hardware=hardware,
+        observer=core.observer,
+        n_commanded=len(driven),
+        own=None if own is None else core_own_law(own, settings),
+        matrices=observer,
+    )
