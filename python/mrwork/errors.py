@@ -70,15 +70,16 @@ class Restorable(BaseException):
 class MrworkError(Restorable, Exception):
     """Root of all errors that a caller can act on; its text is one clear sentence, in one line whatever it quotes.
 
-    `document` is the file whose place the text begins with, and `line` the line in it, 0 where it is not known; the
-    first is empty if the text does not begin with a place. `path` are the keys that lead to what is refused in a value
-    that declares keys, for whoever knows where that value stands. Of an argument that is refused, `key` is the name,
-    and `in_a_file` the text for who has written a file and called no function; both are empty otherwise. `of_columns`
-    is whether the columns of one file are to be told, which others do not share; `mistakes` are those of a document
-    with several.
+    `document` is the file whose place the text begins with, `below` the text without that file, and `line` the line in
+    it, 0 where it is not known; the first two are empty if the text does not begin with a place. `path` are the keys
+    that lead to what is refused in a value that declares keys, for whoever knows where that value stands. Of an
+    argument that is refused, `key` is the name, and `in_a_file` the text for who has written a file and called no
+    function; both are empty otherwise. `of_columns` is whether the columns of one file are to be told, which others do
+    not share; `mistakes` are those of a document with several.
     """
 
     document: str = ""
+    below: str = ""
     line: int = 0
     path: tuple[str | int, ...] = ()
     of_columns: bool = False
@@ -133,9 +134,10 @@ class MistakesError(SettingError):
 
     def __str__(self) -> str:
         """The mistakes in the order of the document, the first ones where there are many."""
-        prefixes = (f"{self.document}, ", f"{self.document}: ")
-        listed = [str(mistake) for mistake in self.mistakes[:_MOST_LISTED]]
-        listed = [entry.removeprefix(prefixes[0]).removeprefix(prefixes[1]) for entry in listed]
+        listed = [
+            mistake.below if mistake.document == self.document and mistake.below else str(mistake)
+            for mistake in self.mistakes[:_MOST_LISTED]
+        ]
         if more := len(self.mistakes) - len(listed):
             listed.append(f"and {more} more")
         head = f"{self.document} has {len(self.mistakes)} mistakes:"

@@ -26,6 +26,7 @@ from mrwork.dampers.simulation import (
     simulate_sensitivities,
     stiffness_shares,
 )
+from mrwork.errors import SettingError
 
 REFUSALS = (ValueError, TypeError, AttributeError, LookupError, OverflowError, MemoryError)
 FUNCTIONS = {
@@ -185,7 +186,7 @@ def test_another_array_is_refused_and_odd_numbers_and_objects_never_panic(
                 exchanged(each)
             if isinstance(part, np.ndarray):
                 for label, other in others(part, FREE.get((name, argument), ())):
-                    assert isinstance(exchanged(other), (ValueError, TypeError)), f"{argument}: {label}"
+                    assert isinstance(exchanged(other), (SettingError, TypeError)), f"{argument}: {label}"
                 for bad in odd[-4:] if part.dtype.kind == "f" else [np.iinfo(part.dtype).max]:
                     exchanged(np.full_like(part, bad))
 
@@ -193,12 +194,22 @@ def test_another_array_is_refused_and_odd_numbers_and_objects_never_panic(
 def test_arrays_of_as_many_numbers_are_not_read_as_others(calls: dict[str, dict[str, Any]]) -> None:
     dampers, nothing = calls["Dampers"], np.zeros((2**32, 0, 0))
     draws, n_devices, columns = dampers["theta"].shape
-    with pytest.raises(ValueError, match="theta"):
+    with pytest.raises(SettingError, match="theta"):
         mr._rust.Dampers(**{**dampers, "theta": np.ones((1, draws * n_devices, columns))})
-    with pytest.raises(ValueError, match="state"):
+    with pytest.raises(SettingError, match="state"):
         mr._rust.riccati_equations("discrete", nothing, nothing, nothing, nothing)
     with pytest.raises(AttributeError, match="steps"):
         mr._rust.respond(**{**calls["respond"], "hardware": SimpleNamespace(sample_time=1e-3)})
+
+
+def test_a_fault_below_the_core_is_no_mistake_of_its_caller(calls: dict[str, dict[str, Any]]) -> None:
+    class Broken:
+        def __getattr__(self, name: str) -> float:
+            raise ValueError(f"no {name}")
+
+    with pytest.raises(ValueError, match="no ") as told:
+        mr._rust.respond(**{**calls["respond"], "hardware": Broken()})
+    assert not isinstance(told.value, SettingError)
 
 
 def test_wrong_columns_and_unknown_models_are_told(spec: Any, calls: dict[str, dict[str, Any]]) -> None:
@@ -207,7 +218,7 @@ def test_wrong_columns_and_unknown_models_are_told(spec: Any, calls: dict[str, d
         wrong = np.ones((3, n_params - 1))
         theta = wrong if calls[name]["theta"].ndim > 1 else wrong[0]
         plain = {key: value for key, value in calls[name].items() if key != "laws"}
-        with pytest.raises(ValueError, match=rf"`theta` has {n_params - 1} columns.*takes {n_params}"):
+        with pytest.raises(SettingError, match=rf"`theta` has {n_params - 1} columns.*takes {n_params}"):
             FUNCTIONS[name](**{**plain, "model": spec.name, "theta": theta})
         with pytest.raises(LookupError, match=f'no damper model is called "bouc".*{spec.name}'):
             FUNCTIONS[name](**{**plain, "model": "bouc"})

@@ -5,6 +5,8 @@ use numpy::{Element, PyReadonlyArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
+use crate::enter::SettingError;
+
 /// An axis of an array: its name, and its length if it must have one.
 pub type Axis = (&'static str, Option<usize>);
 
@@ -16,7 +18,7 @@ pub fn contiguous<'a, T: Element, D: Dimension>(
     // `as_slice` refuses unaligned arrays, but accepts column-major ones, whose elements would be read as transposed.
     array.as_slice().ok().filter(|_| array.is_c_contiguous()).ok_or_else(|| {
         let kind = array.dtype();
-        PyValueError::new_err(format!("`{name}` must be C-contiguous {kind}; use numpy.ascontiguousarray"))
+        SettingError::new_err(format!("`{name}` must be C-contiguous {kind}; use numpy.ascontiguousarray"))
     })
 }
 
@@ -41,7 +43,7 @@ pub fn with_shape(name: &str, shape: &[usize], axes: &[Axis]) -> PyResult<()> {
         .map(|&(axis, length)| length.map_or_else(|| axis.to_owned(), |length| format!("{axis} = {length}")))
         .collect();
     let found: Vec<String> = shape.iter().map(ToString::to_string).collect();
-    Err(PyValueError::new_err(format!(
+    Err(SettingError::new_err(format!(
         "`{name}` has shape ({}), expected ({}); give an array of that shape",
         found.join(", "),
         expected.join(", ")

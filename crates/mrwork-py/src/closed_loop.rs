@@ -12,14 +12,13 @@ use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
     PyUntypedArrayMethods,
 };
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{Axis, array_of, contiguous, shaped, zeros};
 use crate::asked_law::AskedLaw;
 use crate::control::Controller;
 use crate::coupled::{Building, Dampers};
-use crate::enter::{chosen_instruction_set, interruptible, value_error};
+use crate::enter::{SettingError, chosen_instruction_set, interruptible, refused};
 use crate::own::LawTape;
 
 type Layout = Vec<(&'static str, &'static str, &'static str, &'static str)>;
@@ -161,7 +160,7 @@ impl SampledFault {
             "ground_acceleration" if index == 0 => Channel::GroundAcceleration,
             "drift" => Channel::Drift(index),
             other => {
-                return Err(PyValueError::new_err(format!(
+                return Err(SettingError::new_err(format!(
                     "a fault is in acceleration, deformation, force, command, drift or the one ground_acceleration, not \
                      in `{other}` {index}"
                 )));
@@ -239,11 +238,11 @@ pub fn respond<'py>(
     let motions = motions
         .iter()
         .map(|(dt, samples, forces, is_absolute)| {
-            let motion = GroundMotion::new(*dt, contiguous("acceleration", samples)?).map_err(value_error)?;
+            let motion = GroundMotion::new(*dt, contiguous("acceleration", samples)?).map_err(refused)?;
             let axes = [("floors", None), ("samples", Some(samples.len()))];
             let rows = shaped("forces", forces, &axes)?.chunks_exact(samples.len());
             let motion = motion.with_absolute_state(*is_absolute);
-            motion.with_forces(rows.map(<[f64]>::to_vec).collect()).map_err(value_error)
+            motion.with_forces(rows.map(<[f64]>::to_vec).collect()).map_err(refused)
         })
         .collect::<PyResult<Vec<_>>>()?;
     let hardware = hardware.dynamics()?;
@@ -272,10 +271,10 @@ pub fn respond<'py>(
         hardware: &hardware,
         observer: observer.map(|observer| &observer.dynamics),
     };
-    batch.check().map_err(value_error)?;
+    batch.check().map_err(refused)?;
     let directions = match &changes {
         Some(_) if histories || own.is_some() || outside.is_some() => {
-            return Err(PyValueError::new_err("changes go with neither histories nor a law of the user"));
+            return Err(SettingError::new_err("changes go with neither histories nor a law of the user"));
         }
         Some(changes) => {
             let axes = [("candidates", None), ("directions", None), ("gains", None)];

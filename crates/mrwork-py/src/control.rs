@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{contiguous, shaped, with_shape};
 use crate::coupled::{Building, Dampers};
 use crate::damper::parsed_laws;
-use crate::enter::value_error;
+use crate::enter::refused;
 
 /// Every control law, as plain dictionaries in registry order.
 #[pyfunction]
@@ -143,7 +143,7 @@ impl Controller {
     /// Its model of the dampers.
     pub fn curve(&self) -> PyResult<Option<CurveModel<'_>>> {
         let curve = self.curve.as_ref().map(Py::get);
-        curve.map(|curve| CurveModel::new(&curve.laws, &curve.theta).map_err(value_error)).transpose()
+        curve.map(|curve| CurveModel::new(&curve.laws, &curve.theta).map_err(refused)).transpose()
     }
 
     /// Its model of the loop.

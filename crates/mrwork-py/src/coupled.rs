@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::{contiguous, shaped, with_shape};
 use crate::damper::parsed_laws;
-use crate::enter::value_error;
+use crate::enter::refused;
 
 /// A passive element of a building, by the names of its numbers in Python.
 #[derive(FromPyObject)]
@@ -86,12 +86,10 @@ impl Building {
             elements: &rows?.concat(),
             element_parameters: &element_parameters,
         };
-        let dynamics = Dynamics::new(&matrices).map_err(value_error)?;
+        let dynamics = Dynamics::new(&matrices).map_err(refused)?;
         let springs = varied.iter().map(|(damping, stiffness)| {
             let damping = shaped("varied damping", damping, &square)?;
-            dynamics
-                .with_springs(damping, shaped("varied stiffness", stiffness, &square)?)
-                .map_err(value_error)
+            dynamics.with_springs(damping, shaped("varied stiffness", stiffness, &square)?).map_err(refused)
         });
         Ok(Self { springs: springs.collect::<PyResult<_>>()?, dynamics })
     }

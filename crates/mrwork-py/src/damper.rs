@@ -14,12 +14,12 @@ use numpy::ndarray::{Ix2, Ix3};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyLookupError, PyValueError};
+use pyo3::exceptions::PyLookupError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array_of, contiguous, zeros};
-use crate::enter::{chosen_instruction_set, interruptible, value_error};
+use crate::enter::{SettingError, chosen_instruction_set, interruptible, refused};
 use crate::loading::LoadingHistory;
 
 type Floats<'py> = Bound<'py, PyArray1<f64>>;
@@ -227,7 +227,7 @@ fn batch<'a>(
     let laws = parsed_laws(spec, laws, rates)?;
     let (found, expected) = (theta.shape()[1], laws.n_columns());
     if found != expected {
-        return Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }));
+        return Err(refused(DynamicsError::ParameterCount { model: spec.name, found, expected }));
     }
     Ok((damper, laws, contiguous("theta", theta)?))
 }
@@ -241,8 +241,8 @@ pub fn parsed_laws(
     match names {
         Some(names) => {
             let laws: Result<_, _> = names.iter().map(|name| CurrentLaw::of_name(name)).collect();
-            let lag = Lag::with_rates(rates).ok_or_else(|| value_error(DynamicsError::LagRates(rates)))?;
-            CurrentLaws::new(spec, laws.map_err(value_error)?, lag).map_err(value_error)
+            let lag = Lag::with_rates(rates).ok_or_else(|| refused(DynamicsError::LagRates(rates)))?;
+            CurrentLaws::new(spec, laws.map_err(refused)?, lag).map_err(refused)
         }
         None => Ok(CurrentLaws::constant(spec)),
     }
@@ -264,7 +264,7 @@ fn point<'a>(
     check_count(damper, theta.len())?;
     let n_states = damper.n_states();
     if state.len() != n_states {
-        return Err(PyValueError::new_err(format!(
+        return Err(SettingError::new_err(format!(
             "`state` has {} entries, the model has {n_states}",
             state.len()
         )));
@@ -279,7 +279,7 @@ pub fn check_count(damper: &dyn Damper, found: usize) -> PyResult<()> {
     if found == expected {
         return Ok(());
     }
-    Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }))
+    Err(refused(DynamicsError::ParameterCount { model: spec.name, found, expected }))
 }
 
 fn columns<'py>(py: Python<'py>, rows: &[CandidateResult]) -> (Outcomes<'py>, Substeps<'py>) {

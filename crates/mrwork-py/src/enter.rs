@@ -9,8 +9,10 @@ use std::time::{Duration, Instant};
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::threads::StopRequested;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+
+pyo3::import_exception!(mrwork.errors, SettingError);
 
 /// Time between two checks for Ctrl-C.
 const WATCH: Duration = Duration::from_millis(20);
@@ -38,7 +40,7 @@ pub fn interruptible<T: Send>(
         return Err(interrupt);
     }
     match result {
-        Ok(result) => result.map_err(value_error),
+        Ok(result) => result.map_err(refused),
         Err(_) => Err(PyRuntimeError::new_err(
             "a simulation panicked, which is a defect of mrwork; please report it",
         )),
@@ -85,15 +87,15 @@ impl Watch {
     }
 }
 
-/// A `ValueError` with the sentence of the error.
-pub fn value_error(error: DynamicsError) -> PyErr {
-    PyValueError::new_err(error.to_string())
+/// A refusal of input with the sentence of the error.
+pub fn refused(error: DynamicsError) -> PyErr {
+    SettingError::new_err(error.to_string())
 }
 
 /// The instruction set to run on: the fastest, or the one that the environment forces.
 pub fn chosen_instruction_set() -> PyResult<InstructionSet> {
     let Some(wanted) = std::env::var_os(INSTRUCTION_SET).filter(|wanted| !wanted.is_empty()) else {
-        return InstructionSet::detect().map_err(value_error);
+        return InstructionSet::detect().map_err(refused);
     };
     // Quoted and escaped; what is no text has replacement characters.
     let wanted = wanted.to_string_lossy();
@@ -106,7 +108,7 @@ pub fn chosen_instruction_set() -> PyResult<InstructionSet> {
         } else {
             ("this machine has", String::new())
         };
-        PyValueError::new_err(format!(
+        SettingError::new_err(format!(
             "{INSTRUCTION_SET} is {wanted:?}, {which} {usable}; {remedy}unset it or name one of these"
         ))
     })

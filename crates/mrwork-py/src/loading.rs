@@ -4,11 +4,10 @@ use mrwork_dynamics::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
 use mrwork_dynamics::loading::{Command, LoadingHistory as Dynamics};
 use numpy::ndarray::{Ix2, Ix3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, ToPyArray};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{array_of, contiguous};
-use crate::enter::value_error;
+use crate::enter::{SettingError, refused};
 use crate::xla::facts_of;
 
 type Floats<'py> = Bound<'py, PyArray1<f64>>;
@@ -37,9 +36,9 @@ impl LoadingHistory {
             Some(velocity) => Some(contiguous("velocity", &velocity)?.to_vec()),
             None => None,
         };
-        let mut dynamics = Dynamics::new(dt, &displacement, velocity.as_deref()).map_err(value_error)?;
+        let mut dynamics = Dynamics::new(dt, &displacement, velocity.as_deref()).map_err(refused)?;
         if let Some(command) = command {
-            dynamics = dynamics.with_command(contiguous("command", &command)?).map_err(value_error)?;
+            dynamics = dynamics.with_command(contiguous("command", &command)?).map_err(refused)?;
         }
         Ok(Self { dynamics, displacement, velocity })
     }
@@ -95,7 +94,7 @@ impl LoadingHistory {
     fn stages<'py>(&self, py: Python<'py>, substeps: u32) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let most = MAX_SUBSTEPS * MAX_SUBSTEP_FACTOR;
         if !(1..=most).contains(&substeps) {
-            return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
+            return Err(SettingError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
         }
         let shape = Ix3(self.dynamics.n_time() - 1, 2 * substeps as usize + 1, 2);
         let flat = self

@@ -3,12 +3,11 @@
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::peak;
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::contiguous;
 use crate::damper::{check_count, named};
-use crate::enter::{chosen_instruction_set, interruptible};
+use crate::enter::{SettingError, chosen_instruction_set, interruptible};
 
 const MOST_THREADS: usize = 1024;
 const LONGEST: f64 = 60.0;
@@ -29,7 +28,7 @@ pub fn instruction_sets() -> (Vec<&'static str>, Vec<&'static str>) {
 #[pyfunction]
 pub fn fma_peak(py: Python<'_>, threads: usize, seconds: f64) -> PyResult<f64> {
     if threads > MOST_THREADS || !(0.0..=LONGEST).contains(&seconds) {
-        return Err(PyValueError::new_err(format!(
+        return Err(SettingError::new_err(format!(
             "{threads} threads for {seconds} s were asked for; give at most {MOST_THREADS} threads and {LONGEST} s"
         )));
     }

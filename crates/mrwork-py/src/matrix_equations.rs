@@ -3,11 +3,10 @@
 use mrwork_dynamics::matrix_equations::{self, Equations, Stack, Time};
 use numpy::ndarray::Ix3;
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray3, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{array_of, shaped, zeros};
-use crate::enter::{chosen_instruction_set, interruptible};
+use crate::enter::{SettingError, chosen_instruction_set, interruptible};
 
 type Matrices<'py> = PyReadonlyArray3<'py, f64>;
 
@@ -41,7 +40,7 @@ pub fn riccati_equations<'py>(
         "continuous" => Time::Continuous,
         "discrete" => Time::Discrete,
         other => {
-            return Err(PyValueError::new_err(format!(
+            return Err(SettingError::new_err(format!(
                 "`time` is {other:?}; give \"continuous\" or \"discrete\""
             )));
         }

@@ -5,11 +5,10 @@ use mrwork_dynamics::damper::own::{Formulas, Parameter, register};
 use mrwork_dynamics::parameters::Scale;
 use mrwork_dynamics::tape::{Entry, Operation, Tape};
 use numpy::PyReadonlyArray2;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::shaped;
-use crate::enter::value_error;
+use crate::enter::{SettingError, refused};
 
 /// Operations of a tape, in order: name and number of operands.
 #[pyfunction]
@@ -40,7 +39,7 @@ impl GivenTape {
 fn entry(name: &str, to: u16, of: &[u16]) -> PyResult<Entry> {
     let named = Operation::ALL.iter().find(|operation| operation.name() == name);
     let Some(&operation) = named.filter(|operation| operation.arity() == of.len()) else {
-        return Err(PyValueError::new_err(format!(
+        return Err(SettingError::new_err(format!(
             "no operation of a tape is called `{name}` with {} operands; a newer version may have it",
             of.len()
         )));
@@ -63,7 +62,7 @@ pub fn register_damper(
 ) -> PyResult<()> {
     let parameters = parameters.into_iter().map(GivenParameter::parameter).collect::<PyResult<_>>()?;
     let (force, rate, relaxation) = (force.tape()?, rate.tape()?, relaxation.tape()?);
-    register(name, Formulas { parameters, n_states, force, rate, relaxation }).map_err(value_error)
+    register(name, Formulas { parameters, n_states, force, rate, relaxation }).map_err(refused)
 }
 
 /// A parameter by the names of the fields of `mrwork.dampers.parameters.ParamSpec`.
@@ -82,7 +81,7 @@ impl GivenParameter {
         let Self { name, unit, scale, lower, upper, nominal } = self;
         let scale =
             [Scale::Linear, Scale::Log, Scale::Offset].into_iter().find(|known| known.name() == scale);
-        let scale = scale.ok_or_else(|| PyValueError::new_err("a scale is linear, log or offset"))?;
+        let scale = scale.ok_or_else(|| SettingError::new_err("a scale is linear, log or offset"))?;
         Ok(Parameter { name, unit, scale, values: [lower, upper, nominal] })
     }
 }
@@ -130,6 +129,6 @@ fn source(name: &str, place: usize) -> PyResult<Source> {
         "ground_velocity" => Source::GroundVelocity,
         "drift" => Source::Drift(place),
         "time" => Source::Time,
-        other => return Err(PyValueError::new_err(format!("no input of a law is called `{other}`"))),
+        other => return Err(SettingError::new_err(format!("no input of a law is called `{other}`"))),
     })
 }

@@ -11,7 +11,6 @@ use mrwork_dynamics::record::{Precision, damper_text as text, elementary_functio
 use mrwork_dynamics::sampled::{Division, Samples, straight_forces as straight};
 use numpy::ndarray::Ix2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 
@@ -20,7 +19,7 @@ use crate::closed_loop::{LoopHardware, Observer, groups_of};
 use crate::control::Controller;
 use crate::coupled::{Building, Dampers};
 use crate::damper::{named, parsed_laws};
-use crate::enter::value_error;
+use crate::enter::{SettingError, refused};
 use crate::own::LawTape;
 
 /// Statements of the functions of a damper by name, see `mrwork_dynamics::record::DamperText`.
@@ -39,7 +38,7 @@ pub fn damper_text<'py>(
     let laws = parsed_laws(spec, laws, rates)?;
     check_columns(spec, &laws, coefficients.len())?;
     if let Some(step) = steps.iter().find(|step| !(step.is_finite() && **step > 0.0)) {
-        return Err(PyValueError::new_err(format!("one of `steps` is {step}, give positive numbers")));
+        return Err(SettingError::new_err(format!("one of `steps` is {step}, give positive numbers")));
     }
     let precision = if single { Precision::Single } else { Precision::Double };
     let functions = PyDict::new(py);
@@ -85,12 +84,12 @@ pub fn straight_forces<'py>(
     check_columns(spec, &laws, theta.len())?;
     let most = MAX_SUBSTEPS * MAX_SUBSTEP_FACTOR;
     if !(1..=most).contains(&substeps) {
-        return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
+        return Err(SettingError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
     }
     // As many halves of a sub-step as MAX_SUBSTEP_FACTOR allows.
     let halvings = MAX_SUBSTEP_FACTOR.ilog2() as usize;
     if speeds.len() > halvings + 1 {
-        return Err(PyValueError::new_err(format!(
+        return Err(SettingError::new_err(format!(
             "`speeds` has {} numbers, give at most {}",
             speeds.len(),
             halvings + 1
@@ -125,7 +124,7 @@ impl PrintedLoop {
         let (building, controller) = (building.get(), controller.get());
         let hardware = hardware.dynamics()?;
         let (groups, ranges) = groups_of(&dampers);
-        let still = [GroundMotion::new(hardware.sample_time, &[0.0; 8]).map_err(value_error)?];
+        let still = [GroundMotion::new(hardware.sample_time, &[0.0; 8]).map_err(refused)?];
         let run = Run { candidate: 0, motion: 0, draw: 0, springs: 0, delay_steps: 0, stream: 0 };
         let batch = Batch {
             building: &building.dynamics,
@@ -146,7 +145,7 @@ impl PrintedLoop {
             hardware: &hardware,
             observer: observer.as_ref().map(|observer| &observer.get().dynamics),
         };
-        batch.check().map_err(value_error)?;
+        batch.check().map_err(refused)?;
         Ok(work(&batch))
     }
 }
@@ -215,5 +214,5 @@ fn check_columns(spec: &'static DamperSpec, laws: &CurrentLaws, found: usize) ->
     if found == expected {
         return Ok(());
     }
-    Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }))
+    Err(refused(DynamicsError::ParameterCount { model: spec.name, found, expected }))
 }

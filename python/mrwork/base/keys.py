@@ -15,13 +15,15 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import cache, partial
-from typing import Any, NoReturn, cast
+from typing import Any, NoReturn, TypeVar, cast
 
 from mrwork.base.docstrings import texts_in, with_parameters
 from mrwork.base.hints import NOTES, Hint, Says, Within, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import SYNONYMS, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
+
+ValueT = TypeVar("ValueT")
 
 LARGEST_SEED = 2**53 - 1
 """Largest seed, an integer that every reader of JSON keeps."""
@@ -57,6 +59,19 @@ def check_known(
     """Refuse an unknown name, by this sentence with a `suggestion` behind it."""
     if name not in known:
         raise kind(f"{sentence}{suggestion(name, [*known], otherwise=otherwise)}")
+
+
+def look_up(
+    name: str,
+    known: Mapping[str, ValueT],
+    sentence: str,
+    *,
+    otherwise: str = "choose one of",
+    kind: type[MrworkError] = UnknownNameError,
+) -> ValueT:
+    """The value of a name, which is refused as by `check_known` where it is unknown."""
+    check_known(name, known, sentence, otherwise=otherwise, kind=kind)
+    return known[name]
 
 
 def closest(name: object, known: Sequence[str]) -> str:

@@ -90,9 +90,14 @@ class Place:
         return replace(self, path=(*self.path, *keys))
 
     def __str__(self) -> str:
-        line = self.line
-        where = (f"line {line}" if line else "") if self.lines else self._keys()
-        return f"{self.origin}, {where}" if where else self.origin
+        return f"{self.origin}, {self._where}" if self._where else self.origin
+
+    @property
+    def _where(self) -> str:
+        """The place in its document; empty for the whole of it."""
+        if not self.lines:
+            return self._keys()
+        return f"line {self.line}" if self.line else ""
 
     def look_up(self, table: Any) -> None:
         """Look up what a table at this place names; a refusal begins with the place."""
@@ -138,7 +143,7 @@ class Place:
     def _about(self, error: MrworkError, kind: type[MrworkError]) -> MrworkError:
         """The error of a value of this table as one whose message begins with the line of that value."""
         if error.document == self.origin:
-            return self._as(kind, str(error), error.line)
+            return self._as(kind, str(error), error.below, error.line)
         place = self.within(*error.path)
         if error.key and (*place.path, error.key) in self.lines:
             place = place.within(error.key)
@@ -153,10 +158,11 @@ class Place:
             sentence = _HEADING.sub(
                 lambda match: f"`{named[match[1]]}{match[2]}`" if match[1] in named else match[0], sentence
             )
-        return self._as(kind, f"{self}: {sentence}", self.line)
+        below = f"{self._where}: {sentence}" if self._where else sentence
+        return self._as(kind, f"{self}: {sentence}", below, self.line)
 
-    def _as(self, kind: type[MrworkError], text: str, line: int) -> MrworkError:
+    def _as(self, kind: type[MrworkError], text: str, below: str, line: int) -> MrworkError:
         # A place says more than the key of an InvalidSettingError.
         error = (SettingError if kind is InvalidSettingError else kind)(text)
-        error.document, error.line = self.origin, line
+        error.document, error.below, error.line = self.origin, below, line
         return error

@@ -16,7 +16,7 @@ import scipy
 
 from mrwork.base.arguments import NotNegative, Positive, Share, checked
 from mrwork.base.hints import Says, Within
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.units import RATIOS
 from mrwork.base.values import Floats, one_for_each
 from mrwork.buildings.building_checks import check_size
@@ -178,8 +178,7 @@ def building(name: str) -> Building:
             f"no published building is called {name!r}; a file is read by mr.buildings.read_building({name!r}), and by "
             f'a study as [building] file = "{name}"'
         )
-    check_known(name, frames, f"no published building is called {name!r}")
-    return frames[name]
+    return look_up(name, frames, f"no published building is called {name!r}")
 
 
 @checked

@@ -21,7 +21,6 @@ from mrwork.closed_loop.recorded_law import RecordedLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.linear.lqr import Observer
-from mrwork.dampers.simulation import core_refusals
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 
@@ -99,28 +98,27 @@ class LoopOfRuns:
     def core(self) -> CoreLoop:
         """The same for the core, which is made anew in each process."""
         building = _core_building(self.building, self.devices, self.varied)
-        with core_refusals():
-            return CoreLoop(
-                loop=self,
-                building=building,
-                observer=None
-                if self.observer is None
-                else core_observer(
-                    self.observer,
-                    self.building,
-                    self.devices,
-                    self.hardware,
-                    is_absolute=self.estimates_absolute,
-                ),
-                waves=[
-                    (
-                        motion.dt,
-                        *map(np.ascontiguousarray, (motion.acceleration, motion.forces)),
-                        self._reads_absolute(motion),
-                    )
-                    for motion in self.motions
-                ],
-            )
+        return CoreLoop(
+            loop=self,
+            building=building,
+            observer=None
+            if self.observer is None
+            else core_observer(
+                self.observer,
+                self.building,
+                self.devices,
+                self.hardware,
+                is_absolute=self.estimates_absolute,
+            ),
+            waves=[
+                (
+                    motion.dt,
+                    *map(np.ascontiguousarray, (motion.acceleration, motion.forces)),
+                    self._reads_absolute(motion),
+                )
+                for motion in self.motions
+            ],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,30 +137,28 @@ class CoreLoop:
         """A function that simulates the runs at some places."""
         loop = self.loop
         law, n = loop.law, loop.n_commanded
-        with core_refusals():
-            dampers = core_dampers(loop.devices, runs.theta)
-            controller = core_controller(law, runs.gains, runs.shaping)
-            own = None if loop.own is None else core_own_law(loop.own, runs.settings)
+        dampers = core_dampers(loop.devices, runs.theta)
+        controller = core_controller(law, runs.gains, runs.shaping)
+        own = None if loop.own is None else core_own_law(loop.own, runs.settings)
 
         def simulate(places: Places, outside: Any = None) -> Any:
-            with core_refusals():
-                return _rust.respond(
-                    self.building,
-                    dampers,
-                    controller,
-                    loop.hardware,
-                    self.waves,
-                    np.ascontiguousarray(runs.runs[places]),
-                    runs.streams[places],
-                    observer=self.observer,
-                    histories=histories,
-                    step_factor=loop.step_factor,
-                    threads=threads,
-                    outside=outside,
-                    changes=None if changes is None else changes[None],
-                    n_commanded=n,
-                    own=own,
-                )
+            return _rust.respond(
+                self.building,
+                dampers,
+                controller,
+                loop.hardware,
+                self.waves,
+                np.ascontiguousarray(runs.runs[places]),
+                runs.streams[places],
+                observer=self.observer,
+                histories=histories,
+                step_factor=loop.step_factor,
+                threads=threads,
+                outside=outside,
+                changes=None if changes is None else changes[None],
+                n_commanded=n,
+                own=own,
+            )
 
         return simulate
 
@@ -282,7 +278,7 @@ def _core_building(
             elements=building.elements,
             varied=varied,
         )
-    except ValueError as error:
+    except SettingError as error:
         raise SettingError(f"{building.name}: {error}") from error
 
 

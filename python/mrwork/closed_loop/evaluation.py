@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.base.arguments import AnyNumbers, Whole
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.numbers import format_rounded
 from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, list_names
@@ -240,10 +240,10 @@ def criterion(name: str) -> Criterion:
     """The criterion of a name, such as `peak_drift`, or `peak_drift@tyre` at a place; an unknown name is refused."""
     base, at, place = name.partition("@")
     known = {entry.name: entry for entry in (*_CRITERIA, *_ON_REQUEST)}
-    check_known(base, [*known], f"no criterion is called {base!r}")
+    found = look_up(base, known, f"no criterion is called {base!r}")
     if at and not place:
         raise SettingError(f"{name}: no name stands behind @; give one, or leave @ out")
-    return known[base].at(place) if at else known[base]
+    return found.at(place) if at else found
 
 
 def on_request(names: Iterable[str]) -> tuple[str, ...]:

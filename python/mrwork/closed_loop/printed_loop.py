@@ -24,7 +24,6 @@ from mrwork.closed_loop.laws_of_users import law_in_loop, loop_shape, recorded_f
 from mrwork.closed_loop.observer import estimates_absolute, loop_observer
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.linear.lqr import Observer
-from mrwork.dampers.simulation import core_refusals
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 
@@ -96,15 +95,14 @@ def printed_loop(
         estimates_absolute=is_absolute and observer is not None,
     )
     core = loop.core()
-    with core_refusals():
-        return PrintedLoop(
-            building=core.building,
-            dampers=core_dampers(devices, [theta[:1] for theta in theta_of(devices)]),
-            controller=core_controller(law, gains, None if law.shaping is None else np.array([law.shaping])),
-            hardware=hardware,
-            observer=core.observer,
-            n_commanded=len(driven),
-            own=None if own is None else core_own_law(own, settings),
-            matrices=observer,
-            is_absolute=is_absolute,
-        )
+    return PrintedLoop(
+        building=core.building,
+        dampers=core_dampers(devices, [theta[:1] for theta in theta_of(devices)]),
+        controller=core_controller(law, gains, None if law.shaping is None else np.array([law.shaping])),
+        hardware=hardware,
+        observer=core.observer,
+        n_commanded=len(driven),
+        own=None if own is None else core_own_law(own, settings),
+        matrices=observer,
+        is_absolute=is_absolute,
+    )

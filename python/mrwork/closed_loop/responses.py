@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.arguments import checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import look_up
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
@@ -25,7 +25,7 @@ from mrwork.buildings.groups import BOTH_UNITS, commanded, joined_units
 from mrwork.buildings.plane_building import Building
 from mrwork.dampers.spec import LAW_BEYOND, worst_laws
 from mrwork.dampers.tested_range import OperatingRange, Outside, least_stroke, outside_remark, worst_of
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
@@ -277,9 +277,8 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     @checked
     def over_axes(self, name: str) -> Floats:
         """A quantity over its axes, shape (n_candidates, n_motions, n_draws) and its own axis, if it has one."""
-        if name not in self.numbers:
-            raise UnknownNameError(f"a run has no quantity {name!r}{suggestion(name, [*self.numbers])}")
-        return np.asarray(self._over_axes(self.numbers[name]))
+        numbers = look_up(name, self.numbers, f"a run has no quantity {name!r}")
+        return np.asarray(self._over_axes(numbers))
 
     def _over_axes(self, values: NDArray[Any]) -> NDArray[Any]:
         return values.reshape(*self.shape, *values.shape[1:])

@@ -58,7 +58,7 @@ from mrwork.control.laws.control_law import ControlLaw, refuse_units
 from mrwork.control.laws.gain_conventions import gain_remarks
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.linear.plant import plant_of
-from mrwork.dampers.simulation import Outcome, core_refusals
+from mrwork.dampers.simulation import Outcome, StepFactor
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion, refuse_floors
@@ -116,7 +116,7 @@ def simulate_loop(
     hardware: Hardware | None = None,
     *,
     histories: bool = False,
-    step_factor: int = 1,
+    step_factor: StepFactor = 1,
     nominal: Building | None = None,
     largest_commands: ArrayLike | None = None,
     shaping: Annotated[ArrayLike, May.BE_INFINITE] | None = None,
@@ -239,8 +239,7 @@ def simulate_loop(
         raise SettingError(f"the gains are of {len(gains)} candidates; give changes of the gains of one")
     observer, is_absolute = None, estimates_absolute(law, motions, hardware)
     if hardware.feedback != "state":
-        with core_refusals():
-            observer = loop_observer(nominal or building, devices, hardware, is_absolute=is_absolute)
+        observer = loop_observer(nominal or building, devices, hardware, is_absolute=is_absolute)
     if isinstance(user, RowsLaw):
         rows = np.broadcast_to(user.settings, (n_candidates, user.settings.shape[1]))
         user = replace(user, settings=rows)

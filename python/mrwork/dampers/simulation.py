@@ -5,8 +5,7 @@ The core runs on the fastest vector instructions that build and machine have in 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -19,11 +18,11 @@ from mrwork import _rust
 from mrwork.base.arguments import (
     AnyArrayLike,
     AnyNumbers,
-    Count,
     NotNegative,
     Samples,
     Shape,
     Threads,
+    Whole,
     checked,
 )
 from mrwork.base.hints import InUnit, Says, Within
@@ -33,7 +32,7 @@ from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
 from mrwork.dampers.dependence import Dependence
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import MrworkError, SettingError, SimulationError
+from mrwork.errors import SettingError, SimulationError
 
 
 class Outcome(IntEnum):
@@ -92,9 +91,11 @@ class Loading(Summarised):
             if wrong := sent.impossibility:
                 raise SettingError(f"`command` {wrong}")
             command = np.ascontiguousarray(sent.without_ringing().values)
-        with core_refusals():
-            return _rust.LoadingHistory(self.dt, displacement, velocity, command)
+        return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
+
+StepFactor = Annotated[int, Within(least=1, most=64)]
+"""How many times as many steps a simulation takes, a power of two; the core has no finer ones."""
 
 # The longest stroke, in isolated buildings, is about 1 m.
 Amplitude = Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")]
@@ -164,8 +165,7 @@ def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.Loadi
     A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
     `simulate_misfits`.
     """
-    with core_refusals():
-        return _rust.stiffness_shares(spec.core_name, _rows(spec, theta), history, *_laws(spec))
+    return _rust.stiffness_shares(spec.core_name, _rows(spec, theta), history, *_laws(spec))
 
 
 @checked
@@ -175,17 +175,16 @@ def simulate_misfits(
     history: _rust.LoadingHistory,
     force: Annotated[AnyNumbers, Shape(("n_time",))],
     *,
-    first: int = 0,
+    first: Whole = 0,
     threads: Threads = 0,
 ) -> Misfits:
     """Misfits of a batch of parameters in spec order, shape (n_batch, n_params), to a measured `force` [N], (n_time,).
 
     Samples before `first` are simulated and not compared.
     """
-    with core_refusals():
-        squared_error, outcome, substeps, steps = _rust.misfits(
-            spec.core_name, _rows(spec, theta), history, force, first, *_laws(spec), threads=threads
-        )
+    squared_error, outcome, substeps, steps = _rust.misfits(
+        spec.core_name, _rows(spec, theta), history, force, first, *_laws(spec), threads=threads
+    )
     return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 
 
@@ -195,7 +194,7 @@ def simulate_forces(
     theta: AnyArrayLike,
     history: _rust.LoadingHistory,
     *,
-    substep_factor: Count = 1,
+    substep_factor: StepFactor = 1,
     threads: Threads = 0,
 ) -> ForceHistories:
     """Simulate a batch and return its force histories; parameters as in `simulate_misfits`.
@@ -203,10 +202,9 @@ def simulate_forces(
     `substep_factor`, a power of two up to 64, multiplies the number of sub-steps from the stiffness bound.
     """
     rows = _rows(spec, theta)
-    with core_refusals():
-        force, outcome, substeps = _rust.force_histories(
-            spec.core_name, rows, history, *_laws(spec), substep_factor, threads
-        )
+    force, outcome, substeps = _rust.force_histories(
+        spec.core_name, rows, history, *_laws(spec), substep_factor, threads
+    )
     none = np.empty((len(force), 0, history.n_time))
     return ForceHistories(force=force, jacobian=none, outcome=outcome, substeps=substeps)
 
@@ -217,7 +215,7 @@ def simulate_sensitivities(
     theta: AnyArrayLike,
     history: _rust.LoadingHistory,
     *,
-    columns: Sequence[int] | None = None,
+    columns: Sequence[Whole] | None = None,
     threads: Threads = 0,
 ) -> ForceHistories:
     """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
@@ -237,16 +235,15 @@ def simulate_sensitivities(
     """
     rows = _rows(spec, theta)
     wanted = None if columns is None else [int(column) for column in columns]
-    with core_refusals():
-        force, jacobian, outcome, substeps = _rust.sensitivities(
-            spec.core_name, rows, history, wanted, *_laws(spec), threads=threads
-        )
+    force, jacobian, outcome, substeps = _rust.sensitivities(
+        spec.core_name, rows, history, wanted, *_laws(spec), threads=threads
+    )
     return ForceHistories(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 
 
 @checked
 def simulate_force(
-    spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: Count = 1
+    spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: StepFactor = 1
 ) -> Floats:
     """Simulate one damper and return its force [N], shape (n_time,).
 
@@ -295,17 +292,6 @@ def refuse_other_unit(loading: Loading, spec: DamperSpec) -> None:
             f"this {spec.name} takes its command in {spec.command_unit}, the loading's is in "
             f"{loading.command_unit or 'no stated unit'}; set `command` and `command_unit`"
         )
-
-
-@contextmanager
-def core_refusals() -> Iterator[None]:
-    """Context manager that turns refusals of the core into SettingErrors."""
-    try:
-        yield
-    except MrworkError:
-        raise
-    except (ValueError, OverflowError) as error:
-        raise SettingError(str(error)) from error
 
 
 def _laws(spec: DamperSpec) -> tuple[list[str], int]:
@@ -365,11 +351,7 @@ def instruction_set() -> InstructionSets:
         `MRWORK_BUILD_SETS` asked for (`all`, or names as `avx2,plain`). `MRWORK_INSTRUCTION_SET` chooses among them.
     """
     built, machine = _rust.instruction_sets()
-    try:
-        used = _rust.instruction_set()
-    except ValueError as error:
-        raise SettingError(str(error)) from None
-    return InstructionSets(used=used, built=tuple(built), machine=tuple(machine))
+    return InstructionSets(used=_rust.instruction_set(), built=tuple(built), machine=tuple(machine))
 
 
 @checked
@@ -392,8 +374,7 @@ def fma_peak(threads: Threads = 1, seconds: NotNegative = 0.04) -> float:
     >>> mr.dampers.fma_peak(seconds=0.001) > 1e6
     True
     """
-    with core_refusals():
-        return _rust.fma_peak(threads, seconds)
+    return _rust.fma_peak(threads, seconds)
 
 
 @checked
@@ -424,5 +405,4 @@ def flops_per_step(model: DamperSpec | str, theta: Annotated[AnyNumbers, Shape((
     spec = damper(model) if isinstance(model, str) else model
     if spec.command_unit is not None:
         raise SettingError(f"operations of {spec.name} are not counted; give a model without current laws")
-    with core_refusals():
-        return _rust.flops_per_step(spec.core_name, np.ascontiguousarray(theta, dtype=np.float64))
+    return _rust.flops_per_step(spec.core_name, np.ascontiguousarray(theta, dtype=np.float64))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.base.arguments import checked
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.numbers import NOTHING, format_fixed, format_rounded, in_newtons, of_unit
 from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.summary import Summarised, Summary
@@ -240,8 +240,7 @@ class DamperSpec(Summarised):
         ('verified', 'V', 14)
         """
         presets = {law_set.name: law_set for law_set in published_sets() if law_set.model == self.name}
-        check_known(name, presets, f"{self.name} has no published set called {name!r}", otherwise="it has")
-        return presets[name]
+        return look_up(name, presets, f"{self.name} has no published set called {name!r}", otherwise="it has")
 
     def _summary(self) -> Summary:
         return Summary(
@@ -370,8 +369,7 @@ def damper(name: str) -> DamperSpec:
     ('c', 'k', 'x0', 'k_w', 'rho', 'sigma', 'n')
     """
     specs = {spec.name: spec for spec in damper_models()}
-    check_known(name, specs, f"no damper model is called {name!r}")
-    return specs[name]
+    return look_up(name, specs, f"no damper model is called {name!r}")
 
 
 def _with_loop(

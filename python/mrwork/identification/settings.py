@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
 
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Says, Within
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.units import CommandUnit
 from mrwork.errors import RecordError
 from mrwork.identification.indistinct import refuse_indistinct
@@ -97,8 +97,7 @@ def searches() -> Mapping[str, Search]:
 
 def search_named(name: str) -> Search:
     """The search called `name`, with its default settings."""
-    check_known(name, searches(), f"there is no search called {name!r}")
-    return searches()[name]
+    return look_up(name, searches(), f"there is no search called {name!r}")
 
 
 def _search_of_record(record: Mapping[str, Any]) -> Search:

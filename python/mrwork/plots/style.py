@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib import font_manager
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
@@ -213,8 +213,7 @@ def force_unit(peak_force: float, symbol: str | None = None) -> DisplayUnit:
     """The unit of this symbol, or newton for forces of up to four digits, kilonewton above, smaller below a tenth."""
     if symbol is not None:
         units = {unit.symbol: unit for unit in FORCES}
-        check_known(symbol, units, f"no force is drawn in {symbol!r}", otherwise="units are")
-        return units[symbol]
+        return look_up(symbol, units, f"no force is drawn in {symbol!r}", otherwise="units are")
     largest = FORCES[0] if peak_force >= 1e4 else FORCES[1]
     return residual_unit(peak_force, largest, least=0.1)
 

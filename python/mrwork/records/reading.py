@@ -15,7 +15,7 @@ import numpy as np
 
 from mrwork.base.arguments import Count, Within, checked
 from mrwork.base.hints import InUnit
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import damper
@@ -77,8 +77,7 @@ def synthetic_test(name: str) -> DamperTest:
     >>> mr.synthetic_test("spencer1997").n_time
     2001
     """
-    check_known(name, SYNTHETIC_TESTS, f"no synthetic test is called {name!r}")
-    recipe = SYNTHETIC_TESTS[name]
+    recipe = look_up(name, SYNTHETIC_TESTS, f"no synthetic test is called {name!r}")
     spec = damper(recipe.model)
     omega = 2.0 * np.pi * recipe.frequency
     time = _DT * np.arange(round(recipe.cycles / recipe.frequency / _DT) + 1)

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.numbers import of_unit
 from mrwork.closed_loop.printed_loop import printed_loop
 from mrwork.closed_loop.user_law import UserLaw
@@ -67,10 +67,9 @@ def controller_of_study(
     of_name = [own for own, (law, _) in printable.items() if label in (None, law.name)]
     if label not in printable and len(of_name) == 1:
         (label,) = of_name
-    check_known(
+    law, arrangement = look_up(
         label or "", printable, f"{path} has no law called {label!r} that is printed as C", otherwise="it has"
     )
-    law, arrangement = printable[label or ""]
     building, devices = arrangement.building, arrangement.devices
     storeys = [building.storey_names[storey] for storey in study.hardware.measured_storeys]
     return controller_source(

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mrwork.base.documents import given_values
-from mrwork.base.keys import as_document, check_known, keys_of, refuse_missing, suggestion
+from mrwork.base.keys import as_document, keys_of, look_up, refuse_missing, suggestion
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
@@ -64,8 +64,7 @@ def own_law_of(table: LawFileTable, folder: Path) -> ControlLaw:
     }
     with keyed("law"):
         sentence = f"{table.file} has no {table.law!r} that mr.own_law has made"
-        check_known(table.law, laws, sentence, otherwise="it has", kind=SettingError)
-    return laws[table.law]
+        return look_up(table.law, laws, sentence, otherwise="it has", kind=SettingError)
 
 
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
@@ -75,8 +74,7 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
             module, text = run_file(folder / table.file, what="a law")
         functions = {key: value for key, value in vars(module).items() if callable(value)}
         with keyed("function"):
-            check_known(name, functions, f"{table.file} has no function {name!r}", otherwise="it has")
-        function = functions[name]
+            function = look_up(name, functions, f"{table.file} has no function {name!r}", otherwise="it has")
     elif isinstance(table.file, ControlLaw):
         raise InvalidSettingError(
             "function", "file is a law that mr.own_law has made; give law in place of function"

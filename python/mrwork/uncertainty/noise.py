@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from mrwork.base.arguments import Count, checked
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.values import Floats
 
 _LOG_2_PI = float(np.log(2.0 * np.pi))
@@ -160,5 +160,4 @@ def noise_model(name: str) -> Noise:
     UnknownNameError
         Where there is none.
     """
-    check_known(name, NOISES, f"there is no noise model {name!r}")
-    return NOISES[name]
+    return look_up(name, NOISES, f"there is no noise model {name!r}")

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from mrwork import _rust
 from mrwork.base.arguments import May, NotNegative, checked
 from mrwork.base.hints import Within
-from mrwork.base.keys import check_known
+from mrwork.base.keys import check_known, look_up
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.remark import Remark
 from mrwork.base.summary import Summarised, Summary
@@ -352,8 +352,7 @@ def control_law(name: str) -> ControlLawSpec:
         If there is none.
     """
     specs = {spec.name: spec for spec in control_laws()} | _OWN_LAWS
-    check_known(name, specs, f"no control law is called {name!r}")
-    return specs[name]
+    return look_up(name, specs, f"no control law is called {name!r}")
 
 
 # Laws of the user by name, which has a digest of their text.

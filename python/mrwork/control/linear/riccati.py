@@ -284,10 +284,7 @@ def _solve(stacks: dict[str, Floats], time: Time, threads: int) -> RiccatiSoluti
             MrworkWarning,
             stacklevel=2,
         )
-    try:
-        gain, P, residual, status = _rust.riccati_equations(time, **stacks, threads=threads)
-    except ValueError as error:
-        raise SettingError(str(error)) from error
+    gain, P, residual, status = _rust.riccati_equations(time, **stacks, threads=threads)
     unsolved = (RiccatiStatus.NO_STABILISING_SOLUTION, RiccatiStatus.NOT_CONVERGED)
     for row in np.flatnonzero(np.isin(status, unsolved)):
         equation = {name: matrices[row if len(matrices) > 1 else 0] for name, matrices in stacks.items()}

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import checked
 from mrwork.base.hints import Within
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
@@ -100,8 +100,9 @@ def fluid(name: str) -> MRFluid:
     47862
     """
     fluids = {entry.name: entry for entry in FLUIDS}
-    check_known(name, fluids, f"no fluid is called {name!r}", otherwise="make an `MRFluid`, or choose one of")
-    return fluids[name]
+    return look_up(
+        name, fluids, f"no fluid is called {name!r}", otherwise="make an `MRFluid`, or choose one of"
+    )
 
 
 FluxDensities = Annotated[ArrayLike, Within(least=0.0, most=1e6)]
@@ -171,5 +172,4 @@ STEELS = (
 def steel(name: str) -> Steel:
     """Return the steel of `STEELS` with this name."""
     steels = {entry.name: entry for entry in STEELS}
-    check_known(name, steels, f"no steel is called {name!r}", otherwise="make a `Steel`, or choose one of")
-    return steels[name]
+    return look_up(name, steels, f"no steel is called {name!r}", otherwise="make a `Steel`, or choose one of")

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
-from mrwork.base.keys import check_known
+from mrwork.base.keys import look_up
 from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
@@ -192,8 +192,7 @@ def size_damper(
     >>> sized.design.largest_force >= 2e3
     True
     """
-    check_known(search, ALL_OPTIMISERS, f"no search is called {search!r}")
-    optimiser = ALL_OPTIMISERS[search]
+    optimiser = look_up(search, ALL_OPTIMISERS, f"no search is called {search!r}")
     # Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus.
     harder = replace(
         wishes,
