@@ -195,6 +195,45 @@ def read_workbook(path: Path, sheets: dict[str, Rows], **columns: str) -> Damper
     return read_damper_test(path, columns=columns)
 
 
+def old_workbook(rows: Rows) -> bytes:
+    """An .xls workbook of one sheet, `run`: BIFF8 records in a compound file of sectors of 512 bytes."""
+
+    def entry(kind: int, body: bytes) -> bytes:
+        return struct.pack("<HH", kind, len(body)) + body
+
+    def cell(row: int, column: int, value: object) -> bytes:
+        at = struct.pack("<HHH", row, column, 0)
+        if isinstance(value, str):
+            return entry(0x204, at + struct.pack("<HB", len(value), 0) + value.encode("latin-1"))
+        return entry(0x203, at + struct.pack("<d", value))
+
+    cells = b"".join(cell(i, j, value) for i, row in enumerate(rows) for j, value in enumerate(row))
+    start, end = entry(0x809, struct.pack("<HHHHII", 0x600, 5, 0, 0, 0, 0)), entry(0x0A, b"")
+    bound = struct.pack("<IBBBB", len(start) + 15 + len(end), 0, 0, 3, 0) + b"run"
+    stream = start + entry(0x85, bound) + end + start.replace(b"\x05", b"\x10") + cells + end
+    n_sectors = max(8, -(-len(stream) // 512))
+    chain = [0xFFFFFFFD, 0xFFFFFFFE, *range(3, n_sectors + 2), 0xFFFFFFFE]
+    table = struct.pack("<128I", *chain, *[0xFFFFFFFF] * (128 - len(chain)))
+
+    def member(name: str, kind: int, child: int, first: int, size: int) -> bytes:
+        text = (name + "\0").encode("utf-16-le")
+        links = struct.pack("<HBBIII", len(text), kind, 1, 0xFFFFFFFF, 0xFFFFFFFF, child)
+        return text.ljust(64, b"\0") + links + bytes(36) + struct.pack("<IQ", first, size)
+
+    folder = member("Root Entry", 5, 1, 0xFFFFFFFE, 0) + member("Workbook", 2, 0xFFFFFFFF, 2, 512 * n_sectors)
+    head = bytes.fromhex("d0cf11e0a1b11ae1") + bytes(16) + struct.pack("<HHHHH6x", 0x3E, 3, 0xFFFE, 9, 6)
+    head += struct.pack("<IIIIIIIII", 0, 1, 1, 0, 4096, 0xFFFFFFFE, 0, 0xFFFFFFFE, 0)
+    head += struct.pack("<109I", 0, *[0xFFFFFFFF] * 108)
+    return head + table + folder.ljust(512, b"\0") + stream.ljust(512 * n_sectors, b"\0")
+
+
+@needs_calamine
+def test_an_old_workbook_reads_like_a_plain_table(tmp_path: Path) -> None:
+    path = tmp_path / "rig.xls"
+    path.write_bytes(old_workbook(HEAD + BODY))
+    assert_is_the_test(read_damper_test(path))
+
+
 SHEETS: dict[str, Rows] = {
 
     "a header block": [["Rig 3"], ["Rate", 200.0, "Hz"], ["Limits", -10.0, 10.0], [], *HEAD, *BODY],

@@ -35,7 +35,7 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         "files",
         nargs="+" if required else "*",
         metavar="FILE",
-        help="test record: text (.csv, .txt, .dat, .lvm), .mat, .tdms, .xlsx, or synthetic:NAME; a table of "
+        help="test record: text (.csv, .txt, .dat, .lvm), .mat, .tdms, .xlsx, .xls, or synthetic:NAME; a table of "
         "tests (file, use, columns, command), of which the rows for this verb are used; or a folder, for its tests.csv "
         "or its records",
     )

@@ -1,4 +1,4 @@
-"""Lists of files, and files of any format as named columns; .xlsx workbooks and .tdms files are opened here."""
+"""Lists of files, and files of any format as named columns; Excel workbooks and .tdms files are opened here."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from mrwork.store.members import readable, sheets_of
 
 
 def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
-    """Open an .xlsx workbook: its first sheet that `is_record`, else the longest one.
+    """Open an .xlsx or .xls workbook: its first sheet that `is_record`, else the longest one.
 
     A sheet is read as a text table is, so that header blocks, rows of units and times of the day are found. Formulas
     have the values that were saved with them.
@@ -46,7 +46,9 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
 def _sheets(path: Path) -> tuple[dict[str, list[str]], dict[str, ColumnTable]]:
     """The lines of each sheet of a workbook that has any, and the tables of those that are one."""
     if importlib.util.find_spec("python_calamine") is None:
-        raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
+        raise RecordError(
+            f"{path}: reading {path.suffix.lower()} needs python-calamine; run: pip install 'mrwork[xlsx]'"
+        )
     data = bytes_of(path, RECORD)
     digest = hashlib.sha256(data).hexdigest()
     sheets = {name: lines for name, lines in sheets_of(data, path).items() if any(lines)}
@@ -62,7 +64,7 @@ def _sheets(path: Path) -> tuple[dict[str, list[str]], dict[str, ColumnTable]]:
 
 def open_sheets(path: Path) -> list[ColumnTable]:
     """Every table of a workbook, or the one of another file."""
-    if path.suffix.lower() != ".xlsx":
+    if path.suffix.lower() not in WORKBOOKS:
         return [open_table(path, lambda _: True)]
     check_file(path, RECORD)
     return [*_sheets(path)[1].values()]
@@ -142,8 +144,9 @@ def _waveform(channel: Any) -> tuple[float, float, int] | None:
     return float(channel.properties.get("wf_start_offset", 0.0)), float(step), len(channel)
 
 
+WORKBOOKS: Final = (".xlsx", ".xls")
 TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
-EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".xlsx")
+EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", *WORKBOOKS)
 """Extensions of the files that can hold a test."""
 _OPENERS: Final[Mapping[str, Callable[[Path], ColumnTable]]] = {
     **dict.fromkeys(TEXT_EXTENSIONS, open_delimited), ".mat": open_matlab, ".tdms": open_tdms,
@@ -151,12 +154,12 @@ _OPENERS: Final[Mapping[str, Callable[[Path], ColumnTable]]] = {
 
 
 def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
-    """Open a .mat, .tdms, .xlsx or text file as columns, or several joined; of sheets, the first that `is_record`."""
+    """Open a .mat, .tdms, Excel or text file as columns, or several joined; of sheets, the first that `is_record`."""
     if len(parts := parts_of(path)) > 1:
         return open_joined(parts, lambda part: open_table(part, is_record))
     extension = path.suffix.lower()
     check_file(path, RECORD)
-    if extension == ".xlsx":
+    if extension in WORKBOOKS:
         return open_workbook(path, is_record)
     if extension in _OPENERS:
         return _OPENERS[extension](path)

@@ -326,7 +326,7 @@ def read_damper_test(
     start: float | None = None,
     end: float | None = None,
 ) -> DamperTest:
-    """Read one test from a text, .mat, .tdms or .xlsx file, check it and convert it to SI.
+    """Read one test from a text, .mat, .tdms, .xlsx or .xls file, check it and convert it to SI.
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
     any case); a column of times of the day is the time from its first. Time, displacement and force are required;

@@ -1,4 +1,4 @@
-"""Contents of HDF5 files (netCDF 4, MATLAB 7.3) and of .xlsx workbooks, counted before they are read."""
+"""Contents of HDF5 files (netCDF 4, MATLAB 7.3) and of Excel workbooks, counted before they are read."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from mrwork.base.values import array_dataclass
 from mrwork.errors import RecordError, reason_of
 from mrwork.store.input_file import LEAST, Allowance
 
+# First bytes of a compound file, which an .xls workbook is ([MS-CFB], 2.2).
+_OF_XLS: Final = bytes.fromhex("d0cf11e0a1b11ae1")
 # Bytes of XML in which a workbook has a byte of its cells, with room.
 _MARKUP: Final = 4
 # Ends of lines and separators, within a cell.
@@ -107,14 +109,16 @@ def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
 
 
 def sheets_of(data: bytes, path: Path) -> dict[str, list[str]]:
-    """Sheets of the .xlsx workbook at `path` by name, each as lines with tabs between the cells."""
+    """Sheets of the .xlsx or .xls workbook at `path` by name, each as lines with tabs between the cells."""
     import python_calamine
 
     unpacked = Allowance(path, _MARKUP * len(data), least=_MARKUP * LEAST)
-    with readable(path, ".xlsx workbook", "save it again, without a password, or as CSV"):
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            for entry in archive.infolist():
-                unpacked.take(entry.file_size, f"'{entry.filename}'")
+    with readable(path, f"{path.suffix.lower()} workbook", "save it again, without a password, or as CSV"):
+        # An .xls workbook is not packed.
+        if not data.startswith(_OF_XLS):
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                for entry in archive.infolist():
+                    unpacked.take(entry.file_size, f"'{entry.filename}'")
         allowance = Allowance(path, len(data))
         book = python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
         return {
