@@ -1,8 +1,8 @@
 """What is left of skyhook's gain in comfort on a measured damper, with its lag and the delay of the loop?
 
 At equal road holding it gains at most 2.2 % of weighted acceleration over constant currents on a road of class B at 20
-m/s, and 3.5 % on class C; with a lag and a delay of 5 ms each 2.0 and 2.7 % are left. Clipped LQG gains 17 and 19 %, of
-which 2.4 and 1.9 % are left, groundhook nothing. Four minutes of two cores, the quick form ten seconds.
+m/s, and 3.5 % on class C; with a lag and a delay of 5 ms each 2.0 and 2.7 % are left. Clipped LQG gains 13 and 14 %, of
+which 8.9 and 7.7 % are left, groundhook nothing. Four minutes of two cores, the quick form ten seconds.
 """
 
 import csv
