@@ -79,16 +79,6 @@ impl Preview<'_> {
 }
 
 impl<R: Real> Measurement<'_, R> {
-    /// Velocity of a coordinate in the state of gains: `q'`, or `q' + r v_g`.
-    #[inline(always)]
-    pub(crate) fn state_velocity(&self, coordinate: usize) -> R {
-        let relative = self.velocity[coordinate];
-        match self.state_ground {
-            Some(ground) => R::splat(self.influence[coordinate]).mul_add(ground, relative),
-            None => relative,
-        }
-    }
-
     /// Absolute velocity `x (q' + r v_g)`: of the sprung mass, else of the upper end of a device less that of its lower.
     #[inline(always)]
     pub(crate) fn absolute_rate(&self, device: usize) -> R {

@@ -207,7 +207,13 @@ impl<R: Real> Gains<'_, R> {
             sum = weight.mul_add(measured.displacement[coordinate], sum);
         }
         for (coordinate, weight) in of_velocity.iter().enumerate() {
-            sum = weight.mul_add(measured.state_velocity(coordinate), sum);
+            sum = weight.mul_add(measured.velocity[coordinate], sum);
+        }
+        if let Some(ground) = measured.state_ground {
+            // The velocities of the state are `q' + r v_g`.
+            for (weight, &share) in of_velocity.iter().zip(measured.influence) {
+                sum = weight.mul_add(R::splat(share) * ground, sum);
+            }
         }
         sum
     }
