@@ -54,6 +54,7 @@ from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matlab import Variables, describe_left_out, matrices_among
 from mrwork.files.matrices import read_contents, read_matrix
+from mrwork.files.open_table import WORKBOOKS
 from mrwork.store.input_file import TOML, is_folder, text_of
 from mrwork.store.parse import toml_lines
 from mrwork.store.run_folder import real_path
@@ -70,7 +71,7 @@ _OR_FILE: Final = (
 
 
 # Tables of storeys.
-_OF_TABLES: Final = (".csv", ".tsv", ".txt", ".xlsx")
+_OF_TABLES: Final = (".csv", ".tsv", ".txt", *WORKBOOKS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -388,9 +388,8 @@ def observer_of(
                 "a white velocity of the ground has no acceleration, and one is in a measurement; measure absolute "
                 "accelerations, elongations and drifts"
             )
-        # With q' = z - r v_g: x' = A [q; z] - A_v r v_g, y = C [q; z] - C_v r v_g.
-        follows = np.concatenate([np.zeros(plant.n_coordinates), plant.building.influence])
-        E, G = -plant.A @ follows, -measurements.C @ follows
+        # With q' = z - r v_g and E = [0; -r]: x' = A [q; z] + A E v_g, y = C [q; z] + C E v_g.
+        E, G = plant.A @ E, measurements.C @ E
     inputs = np.column_stack([plant.B, E])
     slope, pushed = (np.linalg.solve(T, matrix).astype(np.float64) for matrix in (plant.A @ T, inputs))
     F_z, held = hold_input(slope, pushed, sample_time)

@@ -69,9 +69,8 @@ def design_system(
     named, elongations = outputs.of_plant(plant), deformation_rates(plant)
     E, G, of_rates = plant.E, named.G, np.zeros(plant.n_devices)
     if soil.of_velocity:
-        # With z = q' + r v_g in the place of q' all that the plant multiplies with q' has -r v_g beside z.
-        follows = np.concatenate([np.zeros(n), building.influence])
-        E, G, of_rates = -plant.A @ follows, -named.C @ follows, -elongations.C @ follows
+        # As in `observer_of` under a white velocity.
+        E, G, of_rates = plant.A @ E, named.C @ E, elongations.C @ E
     shapes, n_soil = building.modes, len(soil.state)
     modes = scipy.linalg.block_diag(shapes, shapes)
     into = scipy.linalg.block_diag(shapes.T @ building.mass, shapes.T @ building.mass)

@@ -332,9 +332,9 @@ def binding_in_words(
 
 def _ground(spectrum: SpectralDensity) -> dict[str, object]:
     """The numbers of a spectrum, with the mean square of the acceleration, of a road of the velocity."""
-    soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
-    numbers = {"spectrum": spectrum.name, "frequency": soil.frequency, "intensity": soil.intensity}
+    numbers = {"spectrum": spectrum.name, "intensity": spectrum.intensity}
     if isinstance(spectrum, RoadVelocity):
-        return {**numbers, "mean_square_velocity": spectrum.mean_square}
-    damping = spectrum.soil.damping if isinstance(spectrum, CloughPenzien) else spectrum.damping
-    return {**numbers, "damping": damping, "mean_square": mean_square_of(spectrum)}
+        return {**numbers, "frequency": spectrum.frequency, "mean_square_velocity": spectrum.mean_square}
+    soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
+    damped = {"frequency": soil.frequency, "damping": soil.damping}
+    return {**numbers, **damped, "mean_square": mean_square_of(spectrum)}
